@@ -90,19 +90,63 @@ def examine(
     threshold: float = LOW_THRESHOLD,
 ) -> Identification:
     """Do as `identify`, and return all features and their signature distances too."""
-    features = surf.detect_and_describe(stretched(gray, stretch), threshold=threshold)
+    tall = stretched(gray, stretch)
+    features = surf.detect_and_describe(tall, threshold=threshold)
     distances = signature_distances(features.descriptors, polarity)
-    features = unstretched(features, stretch)
+    features = unstretched(features, tall.shape[0] / gray.shape[0])
     return Identification(features, distances, select(features, distances, polarity))
 
 
 def stretched(gray: NDArray[np.uint8], stretch: float) -> NDArray[np.uint8]:
-    """Return the image stretched vertically, bilinear; row y goes to (y + ½)·stretch − ½."""
+    """Return the image stretched vertically to the nearest whole height, bilinear."""
     import cv2
 
     if not 0.25 <= stretch <= 8:
         raise InputError(f"stretch: expected 0.25…8, got {stretch}")
     if stretch == 1:
         return gray
-    size = (gray.shape[1], round(gray.shape[0] * stretch))
+    size = (gray.shape[1], max(1, round(gray.shape[0] * stretch)))
     return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+
+
+def unstretched(features: Keypoints, stretch: float) -> Keypoints:
+    """Map key points of the stretched image back: row y to (y + ½)/stretch − ½, sizes to equal area."""
+    xy = features.xy.astype(np.float64)
+    xy[:, 1] = (xy[:, 1] + 0.5) / stretch - 0.5
+    shrink = np.sqrt(stretch)
+    return features.with_columns(xy=xy, size=features.size / shrink, scale=features.scale / shrink)
+
+
+def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> tuple[Detection, ...]:
+    """Return the markers among all features of an image, which come strongest first."""
+    sign = 1 if polarity == "dark" else -1  # OpenCV's class_id is the sign of the trace: +1 for a dark centre
+    candidates = np.flatnonzero((features.laplacian == sign) & (distances <= SIGNATURE_LIMIT))
+    kept = merged(features, candidates)
+    kept = kept[: above_drop(features.response[kept])]
+    return tuple(
+        Detection(number, features.xy[i].astype(np.float64), float(features.scale[i]), polarity,
+                  float(features.response[i]), float(distances[i]), int(i) + 1)
+        for number, i in enumerate(kept)
+    )  # fmt: skip
+
+
+def merged(features: Keypoints, candidates: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the candidates, strongest first, without those near a stronger one.
+
+    A marker answers in more than one octave, and with ghosts of about 16 % of its response around its centre.
+    """
+    kept: list[int] = []
+    for i in candidates:
+        gaps = np.linalg.norm(features.xy[kept] - features.xy[i], axis=1)
+        if (gaps > MERGE_RADIUS * features.scale[kept]).all():
+            kept.append(int(i))
+    return np.array(kept, dtype=np.intp)
+
+
+def above_drop(responses: NDArray[np.float32]) -> int:
+    """Return how many of the falling responses stand above the largest drop; 0 if none is large enough."""
+    if len(responses) < 2:
+        return len(responses)
+    ratios = responses[:-1] / responses[1:]
+    last = int(np.argmax(ratios))
+    return last + 1 if ratios[last] >= SMALLEST_DROP else 0
