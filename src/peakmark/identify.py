@@ -1,4 +1,4 @@
-"""Key points → markers: the paper's rule of Section 4.2 — stretch, rank by response, find the drop, compare signatures."""
+"""Key points → markers by the paper's Section 4.2: stretch, rank by response, find the drop, compare signatures."""
 
 from dataclasses import dataclass
 
@@ -80,20 +80,19 @@ def identify(
     InputError
         If the stretch is not in 0.25…8, or the image is not one that `surf.detect` takes.
     """
-    return examine(gray, stretch, polarity, threshold).detections
+    return examine(stretched_features(gray, stretch, threshold), polarity).detections
 
 
-def examine(
-    gray: NDArray[np.uint8],
-    stretch: float = 2.0,
-    polarity: Polarity = "dark",
-    threshold: float = LOW_THRESHOLD,
-) -> Identification:
-    """Do as `identify`, and return all features and their signature distances too."""
+def stretched_features(gray: NDArray[np.uint8], stretch: float, threshold: float = LOW_THRESHOLD) -> Keypoints:
+    """Return the SURF features of the vertically stretched image, in the coordinates of the given one."""
     tall = stretched(gray, stretch)
-    features = surf.detect_and_describe(tall, threshold=threshold)
+    return unstretched(surf.detect_and_describe(tall, threshold=threshold), tall.shape[0] / gray.shape[0])
+
+
+def examine(features: Keypoints, polarity: Polarity = "dark") -> Identification:
+    """Return which of an image's features, strongest first and with descriptors, are markers."""
+    assert features.descriptors is not None
     distances = signature_distances(features.descriptors, polarity)
-    features = unstretched(features, tall.shape[0] / gray.shape[0])
     return Identification(features, distances, select(features, distances, polarity))
 
 
