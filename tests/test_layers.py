@@ -13,7 +13,7 @@ STAGES = (
     ("errors", "pose", "shipped", "image_file", "keypoints", "integral", "parallel"),
     ("camera", "texture", "scene", "trajectory", "marker", "optimum", "surf", "sift", "detectors"),
     ("render", "truth", "sensor", "frame", "signature", "refine", "sheet"),
-    ("scene_file", "scene_build", "scene_schema", "identify", "arrays", "localise"),
+    ("scene_file", "scene_build", "scene_schema", "identification", "arrays", "localise"),
     ("score",),
     ("overlay", "film", "plots", "report", "results"),
     ("experiments",),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.frame import MarkerTruth
 
-from peakmark.identify import Detection
+from peakmark.identification import Detection
 from peakmark.score import Score
 
 FOUND = (60, 220, 60)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.frame import MarkerTruth
 
-from peakmark.identify import Detection
+from peakmark.identification import Detection
 from peakmark.keypoints import Keypoints
 
 TOLERANCE_PX = 3.0

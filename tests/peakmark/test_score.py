@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from peakmark.identify import Detection
+from peakmark.identification import Detection
 from peakmark.keypoints import Keypoints
 from peakmark.score import localisation, match, score_frame
 from peaksim.frame import MarkerTruth

@@ -13,9 +13,9 @@ from peaksim.render import render
 from peaksim.scene_file import Setup, load_scene
 from peaksim.sensor import apply_sensor
 
-from peakmark import identify as identification
+from peakmark import identification
 from peakmark.errors import InputError
-from peakmark.identify import Identification
+from peakmark.identification import Identification
 from peakmark.score import Score, localisation, score_frame
 
 
