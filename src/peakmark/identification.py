@@ -18,7 +18,10 @@ SIGNATURE_LIMIT = 0.45
 """Signature distance up to which a feature can be a marker; markers tilted to 75° stay below 0.35."""
 
 SMALLEST_DROP = 1.3
-"""Response ratio between neighbouring candidates that counts as the drop from markers to clutter."""
+"""Response ratio between features of neighbouring rank that counts as the drop from markers to clutter."""
+
+RANKED = 1000
+"""How many of the strongest features are searched for the drop."""
 
 MERGE_RADIUS = 0.6
 """In sizes of the stronger feature: weaker ones this near repeat it or are its ghosts."""
@@ -119,9 +122,9 @@ def unstretched(features: Keypoints, stretch: float) -> Keypoints:
 def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> tuple[Detection, ...]:
     """Return the markers among all features of an image, which come strongest first."""
     sign = 1 if polarity == "dark" else -1  # OpenCV's class_id is the sign of the trace: +1 for a dark centre
-    candidates = np.flatnonzero((features.laplacian == sign) & (distances <= SIGNATURE_LIMIT))
-    kept = merged(features, candidates)
+    kept = merged(features, np.arange(min(len(features), RANKED)))
     kept = kept[: above_drop(features.response[kept])]
+    kept = kept[(features.laplacian[kept] == sign) & (distances[kept] <= SIGNATURE_LIMIT)]
     return tuple(
         Detection(number, features.xy[i].astype(np.float64), float(features.scale[i]), polarity,
                   float(features.response[i]), float(distances[i]), int(i) + 1)
@@ -130,7 +133,7 @@ def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polari
 
 
 def merged(features: Keypoints, candidates: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the candidates, strongest first, without those near a stronger one.
+    """Return the candidates, given strongest first, without those near a stronger one.
 
     A marker answers in more than one octave, and with ghosts of about 16 % of its response around its centre.
     """
