@@ -70,7 +70,7 @@ def test_a_disc_is_round_and_has_the_second_moment_of_its_radius(radius_px: floa
     assert np.array_equal(kernel, kernel.T)
     assert np.array_equal(kernel, kernel[::-1])
     binned = 1 / 12 if half else 0.0  # shares are counted at pixel centres, which adds to the disc's r²/4
-    assert (kernel.sum(axis=0) * x**2).sum() == pytest.approx((radius_px**2 / 4 + binned) if half else 0, abs=0.05)
+    assert (kernel.sum(axis=0) * x**2).sum() == pytest.approx((radius_px**2 / 4 + binned) if half else 0, abs=0.07)
 
 
 def test_vignetting_loses_the_stated_share_in_the_corners_only() -> None:

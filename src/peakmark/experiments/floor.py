@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.frame import Frame
-from peaksim.render import render
+from peaksim.rendering import render
 from peaksim.scene_file import Setup, load_scene
 from peaksim.sensor import apply_sensor
 
