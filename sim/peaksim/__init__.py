@@ -18,7 +18,7 @@ _HOMES = {
     "render": "rendering",
 }
 
-__all__ = list(_HOMES)  # noqa: PLE0604
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:

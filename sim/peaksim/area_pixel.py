@@ -144,7 +144,7 @@ def light_of_piece(scene, pose, face, rays, depth, polygon, n):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def _light_over_triangle(scene, pose, face, rays, depth, polygon, k, ray, place):  # type: ignore[no-untyped-def]
-    """Return ∫ of the multiplier over triangle (0, k, k + 1) of a polygon, from SHADOW_SAMPLES low-discrepancy points."""
+    """Return ∫ of the multiplier over triangle (0, k, k + 1) of a polygon, by SHADOW_SAMPLES points."""
     s0, t0 = polygon[0, 0], polygon[0, 1]
     s1, t1 = polygon[k, 0] - s0, polygon[k, 1] - t0
     s2, t2 = polygon[k + 1, 0] - s0, polygon[k + 1, 1] - t0
@@ -179,11 +179,17 @@ def add_piece(scene, place, face, maps, polygon, n, weight, out, us, vs):  # typ
         w = maps[2, 0] + maps[2, 1] * s + maps[2, 2] * t
         us[k] = min(max((maps[0, 0] + maps[0, 1] * s + maps[0, 2] * t) / w, 0.0), scene.faces.extents[face, 0])
         vs[k] = min(max((maps[1, 0] + maps[1, 1] * s + maps[1, 2] * t) / w, 0.0), scene.faces.extents[face, 1])
-    start, stride, plane = scene.textures.places[texture, 0], scene.textures.places[texture, 1], scene.textures.places[texture, 2]
+    start, stride, plane = (
+        scene.textures.places[texture, 0],
+        scene.textures.places[texture, 1],
+        scene.textures.places[texture, 2],
+    )
     value = 0.0
     for channel in range(out.size):
         if channel == 0 or plane > 0:
-            value = polygon_mean(scene.textures.tables, start + channel * plane, stride, scene.textures.contrasts[texture], us, vs, n)
+            value = polygon_mean(
+                scene.textures.tables, start + channel * plane, stride, scene.textures.contrasts[texture], us, vs, n
+            )
         out[channel] += weight * value
 
 

@@ -22,6 +22,7 @@ CHUNK = 16
 OUTSIDE, TOUCHES, COVERS = 0, 1, 2
 NOTHING, MIXED = -1, -2
 
+
 class Seen(NamedTuple):
     """A scene as the kernels need it."""
 
@@ -76,7 +77,7 @@ def box_state(low, high, kind, extents, ray_low, ray_high):  # type: ignore[no-u
     for side in range(4 if kind == QUAD else 3):
         axis = side // 2 if kind == QUAD else side
         for k in range(3):
-            if kind == QUAD and side % 2 == 0 or kind != QUAD and side < 2:
+            if (kind == QUAD and side % 2 == 0) or (kind != QUAD and side < 2):
                 row_low[k], row_high[k] = low[axis, k], high[axis, k]
             elif kind == QUAD:
                 row_low[k] = extents[axis] * low[2, k] - high[axis, k]
@@ -250,7 +251,7 @@ def render_band(view, poses, seen, first, last, out):  # type: ignore[no-untyped
     most = max(counts.max(), 1)
     work = new_work(most)
     depths, states = np.empty((most, 4)), np.empty(most, np.int64)
-    chunk = np.empty((6, CHUNK + 1))
+    chunk = np.empty((4, CHUNK + 1))
     for y in range(first, last):
         place = 0 if still else y
         corner_row(view, y, above)
@@ -259,7 +260,9 @@ def render_band(view, poses, seen, first, last, out):  # type: ignore[no-untyped
             tile = x // TILE
             owners[x] = alone[tile]
             if owners[x] == MIXED:
-                owners[x] = pixel_owner(faces.maps[place], faces, found[tile], counts[tile], above, below, x, depths, states)
+                owners[x] = pixel_owner(
+                    faces.maps[place], faces, found[tile], counts[tile], above, below, x, depths, states
+                )
         if not still:
             previous[:] = NOTHING
         x = 0
@@ -301,7 +304,7 @@ def _integrate_run(seen, place, face, above, below, x0, x1, row, previous, share
     """Write the texture's mean over each footprint; False where depth varies too much within one."""
     maps = seen.faces.maps[place, face]
     n = x1 - x0
-    us0, vs0, us1, vs1, left, right = chunk[0], chunk[1], chunk[2], chunk[3], chunk[4], chunk[5]
+    us0, vs0, us1, vs1 = chunk[0], chunk[1], chunk[2], chunk[3]
     for k in range(n + 1):
         w = 1.0 / _dot(maps[2], above[x0 + k])
         us0[k], vs0[k] = _dot(maps[0], above[x0 + k]) * w, _dot(maps[1], above[x0 + k]) * w
@@ -315,7 +318,11 @@ def _integrate_run(seen, place, face, above, below, x0, x1, row, previous, share
         previous[x0:x1] = NOTHING
         return False
     texture = seen.faces.textures[face]
-    start, stride, plane = seen.textures.places[texture, 0], seen.textures.places[texture, 1], seen.textures.places[texture, 2]
+    start, stride, plane = (
+        seen.textures.places[texture, 0],
+        seen.textures.places[texture, 1],
+        seen.textures.places[texture, 2],
+    )
     contrast = seen.textures.contrasts[texture]
     across, down, reach = 1, 1, 0.0
     for k in (0, n // 2, n - 1):
@@ -332,22 +339,29 @@ def _integrate_run(seen, place, face, above, below, x0, x1, row, previous, share
         first_node = start + channel * plane
         if reach < POINT_FOOTPRINT:
             for k in range(n):
-                u, v = 0.25 * (us0[k] + us0[k + 1] + us1[k] + us1[k + 1]), 0.25 * (vs0[k] + vs0[k + 1] + vs1[k] + vs1[k + 1])
+                u, v = (
+                    0.25 * (us0[k] + us0[k + 1] + us1[k] + us1[k + 1]),
+                    0.25 * (vs0[k] + vs0[k + 1] + vs1[k] + vs1[k + 1]),
+                )
                 row[x0 + k, channel] = sample(seen.textures.tables, first_node, stride, u, v)
             previous[x0:x1] = NOTHING
             continue
         before = edge_integral(seen.textures.tables, first_node, stride, us0[0], vs0[0], us1[0], vs1[0], down)
         for k in range(n):
             x = x0 + k
-            after = edge_integral(seen.textures.tables, first_node, stride, us0[k + 1], vs0[k + 1], us1[k + 1], vs1[k + 1], down)
-            bottom = edge_integral(seen.textures.tables, first_node, stride, us1[k], vs1[k], us1[k + 1], vs1[k + 1], across)
+            after = edge_integral(
+                seen.textures.tables, first_node, stride, us0[k + 1], vs0[k + 1], us1[k + 1], vs1[k + 1], down
+            )
+            bottom = edge_integral(
+                seen.textures.tables, first_node, stride, us1[k], vs1[k], us1[k + 1], vs1[k + 1], across
+            )
             if previous[x] == face:
                 top = shared[channel, x]
             else:
-                top = edge_integral(seen.textures.tables, first_node, stride, us0[k], vs0[k], us0[k + 1], vs0[k + 1], across)
-            area = 0.5 * (
-                (us1[k + 1] - us0[k]) * (vs1[k] - vs0[k + 1]) - (vs1[k + 1] - vs0[k]) * (us1[k] - us0[k + 1])
-            )
+                top = edge_integral(
+                    seen.textures.tables, first_node, stride, us0[k], vs0[k], us0[k + 1], vs0[k + 1], across
+                )
+            area = 0.5 * ((us1[k + 1] - us0[k]) * (vs1[k] - vs0[k + 1]) - (vs1[k + 1] - vs0[k]) * (us1[k] - us0[k + 1]))
             row[x, channel] = (top + after - bottom - before) / area
             shared[channel, x] = bottom
             before = after

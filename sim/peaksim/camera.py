@@ -78,7 +78,11 @@ class Camera:
         but straight behind.
         """
         points = np.asarray(points_in_camera, dtype=np.float64).reshape(-1, 3)
-        flat = _project_brown(points, self.distortion) if self.model == "brown" else _project_fisheye(points, self.distortion)
+        flat = (
+            _project_brown(points, self.distortion)
+            if self.model == "brown"
+            else _project_fisheye(points, self.distortion)
+        )
         return np.asarray(flat * [self.fx, self.fy] + [self.cx, self.cy])
 
     def unproject(self, xy: ArrayLike) -> Points:
@@ -98,7 +102,9 @@ def from_sensor(
 ) -> Camera:
     """Return a camera with square pixels and a centred principal point from lens and sensor data."""
     if not (focal_mm > 0 and sensor_width_mm > 0):
-        raise SceneError(f"camera: expected positive millimetres, got focal_mm {focal_mm}, sensor_width_mm {sensor_width_mm}")
+        raise SceneError(
+            f"camera: expected positive millimetres, got focal_mm {focal_mm}, sensor_width_mm {sensor_width_mm}"
+        )
     focal = focal_mm / sensor_width_mm * width
     return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, distortion)
 
@@ -214,7 +220,9 @@ def _undistort_brown(distorted: Points, distortion: tuple[float, ...]) -> Points
     return flat
 
 
-def _fisheye_angle(theta: NDArray[np.float64], distortion: tuple[float, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _fisheye_angle(
+    theta: NDArray[np.float64], distortion: tuple[float, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the distorted angle and its derivative (Kannala and Brandt 2006, as OpenCV's fisheye)."""
     k1, k2, k3, k4 = np.pad(np.asarray(distortion, dtype=np.float64), (0, 4 - len(distortion)))
     t2 = theta * theta
@@ -239,7 +247,7 @@ def _fisheye_limit(distortion: tuple[float, ...]) -> float:
     k = np.pad(np.asarray(distortion, dtype=np.float64), (0, 4 - len(distortion)))
     roots = np.polynomial.Polynomial([1, *(k * [3, 5, 7, 9])]).roots() if k.any() else np.empty(0)
     real = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots))].real if len(roots) else roots
-    return float(min([np.pi * (1 - 1e-9), *(np.sqrt(r) for r in real if r > 0)]))
+    return min([float(np.pi) * (1 - 1e-9), *(float(np.sqrt(float(r))) for r in real if r > 0)])
 
 
 def _unproject_fisheye(flat: Points, distortion: tuple[float, ...]) -> Points:

@@ -54,7 +54,10 @@ def pack_textures(distinct: tuple[Texture, ...]) -> Textures:
     """Return textures in one buffer."""
     tables = [t.tables for t in distinct]
     offsets = np.cumsum([0, *(t.size for t in tables)])[: len(tables)]
-    places = [(offset, t.shape[2], t[0].size if len(t) == 3 else 0, t.shape[1]) for offset, t in zip(offsets, tables, strict=True)]
+    places = [
+        (offset, t.shape[2], t[0].size if len(t) == 3 else 0, t.shape[1])
+        for offset, t in zip(offsets, tables, strict=True)
+    ]
     buffer = tables[0].reshape(-1) if len(tables) == 1 else np.concatenate([np.zeros(0), *(t.ravel() for t in tables)])
     return Textures(buffer, np.array(places, dtype=np.int64).reshape(-1, 4), np.array([t.contrast for t in distinct]))
 
@@ -92,7 +95,9 @@ def _planes(scene: Scene) -> tuple[NDArray[np.float64], ...]:
     quads = np.array([r[:3] for r in rows]).reshape(-1, 3, 3)
     triangles = np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
     planes = np.concatenate([quads, triangles - triangles[:, :1] * [[0], [1], [1]]])
-    extents = np.concatenate([np.array([r[3] for r in rows], dtype=np.float64).reshape(-1, 2), np.ones((len(triangles), 2))])
+    extents = np.concatenate(
+        [np.array([r[3] for r in rows], dtype=np.float64).reshape(-1, 2), np.ones((len(triangles), 2))]
+    )
     return planes[:, 0], planes[:, 1], planes[:, 2], extents
 
 
@@ -103,7 +108,11 @@ def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], N
 
 
 def _maps(
-    origins: NDArray[np.float64], us: NDArray[np.float64], vs: NDArray[np.float64], normals: NDArray[np.float64], poses: NDArray[np.float64]
+    origins: NDArray[np.float64],
+    us: NDArray[np.float64],
+    vs: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    poses: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (n, f, 3, 3) maps and (n, f) signed distance of the camera behind each plane along its normal."""
     dual_u, dual_v = _dual(us, vs)

@@ -50,7 +50,9 @@ def solids_of(scene: Scene, *, quads: bool) -> Solids:
 def build(corners: NDArray[np.float64], kinds: NDArray[np.int64], ids: NDArray[np.int64]) -> Solids:
     """Return the tree of (f, 3, 3) corners, split at the median of the longest side."""
     sides = corners[:, 1:] - corners[:, :1]
-    everything = np.concatenate([corners, corners[:, 1:2] + np.where(kinds == QUAD, 1, 0)[:, None, None] * sides[:, 1:2]], axis=1)
+    everything = np.concatenate(
+        [corners, corners[:, 1:2] + np.where(kinds == QUAD, 1, 0)[:, None, None] * sides[:, 1:2]], axis=1
+    )
     lows, highs = everything.min(axis=1, initial=np.inf), everything.max(axis=1, initial=-np.inf)
     middles = (lows + highs) / 2
     order = np.arange(len(corners))
@@ -108,7 +110,11 @@ def hit(solids, face, origin, ray):  # type: ignore[no-untyped-def]
     det = u[0] * px + u[1] * py + u[2] * pz
     if det == 0.0:
         return np.inf
-    ox, oy, oz = origin[0] - solids.origins[face, 0], origin[1] - solids.origins[face, 1], origin[2] - solids.origins[face, 2]
+    ox, oy, oz = (
+        origin[0] - solids.origins[face, 0],
+        origin[1] - solids.origins[face, 1],
+        origin[2] - solids.origins[face, 2],
+    )
     a = (ox * px + oy * py + oz * pz) / det
     if a < 0.0 or a > 1.0:
         return np.inf

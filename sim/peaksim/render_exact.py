@@ -26,8 +26,12 @@ def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64]) -> NDArr
     channels = channels_of(scene)
     distinct, index = distinct_textures(scene)
     faces = see_faces(scene, index, poses, channels)
-    seen = Seen(faces, _packed(distinct), pack_lights(scene.lights), solids_of(scene, quads=False), float(scene.background))
-    view = View(corner_rays(camera), np.array([camera.fx, camera.fy, camera.cx, camera.cy]), camera.width, camera.height)
+    seen = Seen(
+        faces, _packed(distinct), pack_lights(scene.lights), solids_of(scene, quads=False), float(scene.background)
+    )
+    view = View(
+        corner_rays(camera), np.array([camera.fx, camera.fy, camera.cx, camera.cy]), camera.width, camera.height
+    )
     out = np.empty((camera.height, camera.width, channels), dtype=np.float32)
 
     def band(first: int) -> None:

@@ -4,6 +4,7 @@ The only module that imports pyrender. One renderer lives as long as the process
 another scene is drawn.
 """
 
+import atexit
 import ctypes
 import os
 from collections.abc import Iterator
@@ -119,7 +120,7 @@ def box_means(fine: NDArray[np.uint8], across: int, down: int) -> NDArray[np.flo
     height, width, channels = fine.shape[0] // down, fine.shape[1] // across, fine.shape[2]
     rows = fine.reshape(height, down, width * across, channels).sum(axis=1, dtype=np.uint16)
     blocks = rows.reshape(height, width, across, channels).sum(axis=2, dtype=np.uint32)
-    return blocks.astype(np.float32) / np.float32(across * down)
+    return np.asarray(blocks / np.float32(across * down), dtype=np.float32)
 
 
 # --- OpenGL ---------------------------------------------------------------------------------------------------
@@ -139,6 +140,7 @@ def _context() -> tuple[Any, str]:
             _use_framebuffers()
         renderer = pyrender.OffscreenRenderer(TILE[0] * MINOR, TILE[1] * MINOR)
         name = glGetString(GL_RENDERER).decode()
+        atexit.register(renderer.delete)  # before PyOpenGL's modules are gone
     except Exception as error:  # every driver fails in its own way
         raise RendererError(f"no OpenGL context opens: {type(error).__name__} {error}") from error
     renderer._renderer._read_main_framebuffer = _read_colours

@@ -278,4 +278,3 @@ def check_camera(tables: tuple[schema.WaypointTable, ...], room: schema.RoomTabl
         if room is not None and not (np.less(room.min_m, table.eye_m) & np.less(table.eye_m, room.max_m)).all():
             raise SceneError(f"trajectory[{i}].eye_m: expected a point inside the room "
                              f"{list(room.min_m)}…{list(room.max_m)}, got {list(table.eye_m)}")  # fmt: skip
-

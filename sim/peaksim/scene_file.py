@@ -153,5 +153,3 @@ def _sensor(settings: Mapping[str, Any]) -> Sensor:
         if name not in known:
             raise SceneError(f"sensor.{name}: unknown field, expected one of {', '.join(known)}")
     return Sensor(**settings)
-
-

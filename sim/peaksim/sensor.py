@@ -57,7 +57,11 @@ class Sensor:
         ):  # fmt: skip
             value = getattr(self, name)
             whole = name in ("bits", "jpeg_quality")
-            if isinstance(value, bool) or not isinstance(value, int if whole else int | float) or not low <= value <= high:
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int if whole else int | float)
+                or not low <= value <= high
+            ):
                 kind = "a whole number" if whole else "a number"
                 raise SceneError(f"sensor.{name}: expected {kind} in {low:g}…{high:g}, got {value!r}")
 

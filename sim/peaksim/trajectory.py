@@ -32,7 +32,9 @@ class Trajectory:
         times = np.atleast_1d(np.array(self.times_s, dtype=np.float64))
         poses = np.array(self.world_from_camera, dtype=np.float64)
         if times.ndim != 1 or len(times) == 0 or poses.shape != (len(times), 4, 4):
-            raise SceneError(f"trajectory: expected n ≥ 1 times and (n, 4, 4) poses, got {times.shape} and {poses.shape}")
+            raise SceneError(
+                f"trajectory: expected n ≥ 1 times and (n, 4, 4) poses, got {times.shape} and {poses.shape}"
+            )
         if not np.isfinite(times).all() or not (np.diff(times) > 0).all():
             raise SceneError(f"trajectory: times_s: expected strictly increasing times, got {_fault(times)}")
         for i, pose in enumerate(poses):

@@ -37,7 +37,9 @@ def load_trajectory(path: str | Path) -> Trajectory:
     """
     file = Path(path)
     text = _read(file)
-    rows = [(n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+    rows = [
+        (n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"
+    ]
     if not rows:
         raise SceneError(f"{file}: expected at least one pose, got none")
     try:
@@ -106,7 +108,7 @@ def _parse_kitti(rows: list[tuple[int, str]]) -> Trajectory:
     table = _numbers(rows, None, 12, exactly=True)
     poses = np.tile(np.eye(4), (len(table), 1, 1))
     poses[:, :3] = table.reshape(-1, 3, 4)
-    return Trajectory(np.arange(len(poses)) * KITTI_INTERVAL_S, _orthonormal(poses))
+    return Trajectory(KITTI_INTERVAL_S * np.arange(len(poses), dtype=np.float64), _orthonormal(poses))
 
 
 def _orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:

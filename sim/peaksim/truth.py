@@ -1,5 +1,7 @@
 """Where everything truly is in a picture, from the camera's own projection and exact ray casting."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,9 @@ from peaksim.camera import Camera
 from peaksim.frame import MarkerTruth, Surfaces
 from peaksim.pose import Pose, invert, transform
 from peaksim.scene import Mark, Quad, Scene, rectangle_m
+
+if TYPE_CHECKING:
+    from peaksim.rays import Solids
 
 _SAMPLES = 48
 """Points along each side of a marker at which its visibility is asked: 2304 in all, an error of about 0.004."""
@@ -24,7 +29,7 @@ def marker_truth(scene: Scene, camera: Camera, world_from_camera: Pose) -> tuple
     )
 
 
-def _truth_of(camera: Camera, pose: Pose, solids: object, number: int, quad: Quad, mark: Mark) -> MarkerTruth:
+def _truth_of(camera: Camera, pose: Pose, solids: "Solids", number: int, quad: Quad, mark: Mark) -> MarkerTruth:
     corners = rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m))
     center = corners.mean(axis=0)
     in_camera = invert(pose)
@@ -50,9 +55,7 @@ def polygon_area(corners_xy: NDArray[np.float64]) -> float:
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
 
 
-def visible_fraction(
-    camera: Camera, pose: Pose, solids: object, number: int, corners: NDArray[np.float64]
-) -> float:
+def visible_fraction(camera: Camera, pose: Pose, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
     """Return the share of a rectangle's image area that is inside the picture and in front of all else.
 
     The rectangle is sampled evenly; each sample counts by the image area that it stands for.

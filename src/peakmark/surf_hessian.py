@@ -148,7 +148,8 @@ def _find_in_block(integral, mask, threshold, layers, octave, top, bottom, left,
                     if count == len(records):
                         records = _grown(records)
                     if _settle(
-                        integral, mask, threshold, layers, octave, index, i0, first + c, ring, width, k + c, records[count]
+                        integral, mask, threshold, layers, octave, index, i0, first + c, ring, width, k + c,
+                        records[count],
                     ):
                         count += 1
     return records[:count].copy()

@@ -22,7 +22,7 @@ _CLOSE = np.float32(1 - 2.0**-12)
 
 
 def gaussian(length: int, sigma: float) -> NDArray[np.float32]:
-    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middle weights are exp(0)."""
+    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middles are exp(0)."""
     offsets = np.arange(length) - (length - 1) / 2
     weights = np.exp(-0.5 * (offsets / sigma) ** 2)
     weights[np.abs(offsets) < 1] = 1
@@ -165,10 +165,10 @@ def _window_strengths(degrees, dx, dy, count, work):  # type: ignore[no-untyped-
     lengths[:_GROUPS] = 0
     for bins in (bins_x, bins_y):
         running = np.float32(0.0)
-        for place in range(2 * (_GROUPS - 6) + 1, 2 * _GROUPS):
-            running += bins[place]
-        for place in range(2 * 6):
-            running += bins[place]
+        for bin_ in range(2 * (_GROUPS - 6) + 1, 2 * _GROUPS):
+            running += bins[bin_]
+        for bin_ in range(2 * 6):
+            running += bins[bin_]
         for window in range(_GROUPS):
             lengths[window] += running * running
             gone = 2 * ((window + _GROUPS - 6) % _GROUPS)

@@ -14,7 +14,7 @@ _NEAR_HALF = np.float32(2.0**-9)
 """Averages this close to half a grey level are computed again in OpenCV's arithmetic, which decides the rounding."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def interleave_rows(gray: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """Each pixel with the one below it as (upper | lower << 8), row by row, the last row with itself.
 

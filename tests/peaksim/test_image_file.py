@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
-
 from peaksim.errors import ImageError
 from peaksim.image_file import read_image
+from PIL import Image
 
 GRAY = np.arange(48, dtype=np.uint8).reshape(6, 8) * 5
 RGB = np.stack([GRAY, 255 - GRAY, GRAY // 2], axis=2)
@@ -40,11 +39,14 @@ def test_palettes_and_transparency_become_plain_rgb(tmp_path: Path) -> None:
 
 def bomb(width: int, height: int) -> bytes:
     """Return a PNG that claims a huge size in a few bytes."""
+
     def chunk(kind: bytes, body: bytes) -> bytes:
         return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
     head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(b"\0" * 100)) + chunk(b"IEND", b"")
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(b"\0" * 100)) + chunk(b"IEND", b"")
+    )
 
 
 def test_hostile_files_are_one_line_that_names_them(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from peaksim import load_scene
 from peaksim.errors import SceneError
 from peaksim.scene_build import path_poses

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
-
 from peaksim.errors import SceneError
 from peaksim.sensor import Sensor, disc_kernel, gaussian_blur, quantise, take, vignette
+from PIL import Image
 
 FLAT = np.full((200, 300), 100.25, np.float32)
 
@@ -99,7 +98,9 @@ def test_jpeg_is_the_codecs_own() -> None:
     picture = rng().integers(0, 255, (64, 64, 3), dtype=np.uint8)
     buffer = BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG", quality=40)
-    assert np.array_equal(take(picture.astype(np.float32), Sensor(jpeg_quality=40), rng()), np.array(Image.open(buffer)))
+    assert np.array_equal(
+        take(picture.astype(np.float32), Sensor(jpeg_quality=40), rng()), np.array(Image.open(buffer))
+    )
 
 
 @pytest.mark.parametrize(

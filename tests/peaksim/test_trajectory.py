@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
-
 from peaksim.errors import SceneError
 from peaksim.pose import compose, look_at, rigid
 from peaksim.trajectory import Trajectory, from_quaternions, line, orbit, quaternions_xyzw
+from scipy.spatial.transform import Rotation
 
 
 def random_trajectory(seed: int, count: int) -> Trajectory:

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from peaksim import load_trajectory
 from peaksim.errors import SceneError
 from peaksim.trajectory import Trajectory, line, orbit
