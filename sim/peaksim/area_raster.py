@@ -268,33 +268,45 @@ def render_band(view, poses, seen, first, last, out):  # type: ignore[no-untyped
         place = np.int64(0) if still else y
         corner_row(view, y, above)
         corner_row(view, y + 1, below)
-        for x in range(width):
-            tile = x // TILE
-            owners[x] = alone[tile]
-            if owners[x] == MIXED:
-                owners[x] = pixel_owner(
-                    faces.maps[place], faces, found[tile], counts[tile], above, below, x, depths, states
-                )
+        own_row(faces, place, found, counts, alone, above, below, owners, depths, states)
         if not still:
             forget(previous, np.int64(0), width)
-        x = np.int64(0)
-        while x < width:
-            owner = owners[x]
-            end = x + 1
-            while owner != MIXED and end < width and end - x < CHUNK and owners[end] == owner:
-                end += 1
-            if owner >= 0:
-                fill_run(seen, poses[place], place, owner, above, below, x, end, out[y], previous, shared, chunk, work)
-            else:
-                forget(previous, x, end)
-            if owner == NOTHING:
-                for k in range(x, end):
-                    for channel in range(out.shape[2]):
-                        out[y, k, channel] = seen.background
-            if owner == MIXED:
-                tile = x // TILE
-                mixed_pixel(seen, poses[place], place, found[tile], counts[tile], above, below, x, out[y, x], work)
-            x = end
+        fill_row(seen, poses[place], place, found, counts, owners, above, below, out[y], previous, shared, chunk, work)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def own_row(faces, place, found, counts, alone, above, below, owners, depths, states):  # type: ignore[no-untyped-def]
+    """Write the owner of each pixel of a row: a face, NOTHING, or MIXED."""
+    for x in range(owners.size):
+        tile = x // TILE
+        owners[x] = alone[tile]
+        if owners[x] == MIXED:
+            owners[x] = pixel_owner(faces.maps[place], faces, found[tile], counts[tile], above, below, x, depths, states)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_row(  # type: ignore[no-untyped-def]
+    seen, pose, place, found, counts, owners, above, below, row, previous, shared, chunk, work
+):
+    """Write a row of pixels, in runs of equal owners."""
+    x = np.int64(0)
+    while x < owners.size:
+        owner = owners[x]
+        end = x + 1
+        while owner != MIXED and end < owners.size and end - x < CHUNK and owners[end] == owner:
+            end += 1
+        if owner >= 0:
+            fill_run(seen, pose, place, owner, above, below, x, end, row, previous, shared, chunk, work)
+        else:
+            forget(previous, x, end)
+        if owner == NOTHING:
+            for k in range(x, end):
+                for channel in range(row.shape[1]):
+                    row[k, channel] = seen.background
+        if owner == MIXED:
+            tile = x // TILE
+            mixed_pixel(seen, pose, place, found[tile], counts[tile], above, below, x, row[x], work)
+        x = end
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
