@@ -6,13 +6,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-
 from helpers import marker_view
-from peakmark import surf
-from peakmark.experiments.floor import FloorConfig, look
 from peaksim import Camera, Quad, Scene, Texture, render
 from peaksim.pose import compose, invert, look_at, transform
 from peaksim.scene_file import load_scene
+
+from peakmark import surf
+from peakmark.experiments.floor import FloorConfig, look
 
 CAMERA = Camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5)
 FACING = compose(np.diag([1.0, -1.0, -1.0]), [0, 0, 1.0])  # a camera 1 m above a quad in z = 0, its x along the quad's
