@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import needs_gl
 from peaksim.scene_file import load_scene
 from PIL import Image
 
@@ -118,7 +119,7 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
     assert drops[1.0][1] < 0.75 * drops[2.0][1]
 
 
-@pytest.mark.parametrize("renderer", ["exact", "gl"])
+@pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
     small_scene: Path, tmp_path: Path, renderer: str
 ) -> None:
