@@ -84,13 +84,14 @@ def _grid_blocks(shape: tuple[int, ...], octave: int) -> list[tuple[int, int, in
 
 
 @njit(cache=True, nogil=True)
-def _find_in_block(integral, mask, threshold, layers, octave, top, bottom, left, right):  # type: ignore[no-untyped-def]
+def _find_in_block(integral, mask_integral, threshold, layers, octave, top, bottom, left, right):  # type: ignore[no-untyped-def]
     """Records of the maxima at the grid rows top ≤ i < bottom and columns left ≤ j < right of one octave.
 
     Rows of all arrays are named by their place in the flat arrays, as unsigned integers: that spares the reference
     counts of slices and the test for negative indices, and lets the inner loops use vectors.
     """
-    sums = integral.reshape(-1)
+    sums, mask = integral.reshape(-1), mask_integral.reshape(-1)
+    cube = np.empty((3, 3, 3), dtype=np.float32)
     stride = integral.shape[1]
     rows, columns = (integral.shape[0] - 1) >> octave, (stride - 1) >> octave
     width = right - left + 2
@@ -147,10 +148,10 @@ def _find_in_block(integral, mask, threshold, layers, octave, top, bottom, left,
                         continue
                     if count == len(records):
                         records = _grown(records)
-                    if _settle(
-                        integral, mask, threshold, layers, octave, index, i0, first + c, ring, width, k + c, records[count]
-                    ):
-                        count += 1
+                    _cut_cube(ring, layers, width, index, i0, k + c, cube)
+                    count = _settle(
+                        sums, stride, mask, threshold, layers, octave, index, i0, first + c, cube, records, count
+                    )
     return records[:count].copy()
 
 
@@ -281,49 +282,54 @@ def _flag_peaks(values, v, highest, below, here, above, loose, slack, flags, n):
 
 
 @njit(cache=True, nogil=True)
-def _settle(integral, mask, threshold, layers, octave, index, i, j, ring, width, k, record):  # type: ignore[no-untyped-def]
-    """Write the record of a candidate, if it is a maximum in OpenCV's arithmetic."""
-    cube = np.empty((3, 3, 3), dtype=np.float32)
+def _cut_cube(ring, layers, width, index, i, k, cube):  # type: ignore[no-untyped-def]
+    """Copy the 3×3×3 neighbourhood of ring column k, as far as the ring holds its layers."""
+    for s in range(3):
+        m = index - 2 + s
+        if 0 <= m < layers:
+            for di in range(3):
+                row = (m * 3 + (i + di - 1) % 3) * width + k - 1
+                for dj in range(3):
+                    cube[s, di, dj] = ring[U(row + dj)]
+
+
+@njit(cache=True, nogil=True)
+def _settle(sums, stride, mask, threshold, layers, octave, index, i, j, cube, records, count):  # type: ignore[no-untyped-def]
+    """Write a candidate into records[count], if it is a maximum in OpenCV's arithmetic; returns the new count."""
     step = 1 << octave
     offset, side = 4 + 3 * index, (9 + 6 * index) << octave
-    y, x = (i - offset) * step, (j - offset) * step
-    dxx, dyy, dxy = exact_derivatives(integral, y, x, side)
+    corner = ((i - offset) * stride + j - offset) << octave
+    dxx, dyy, dxy = exact_derivatives(sums, stride, corner, side)
     response = dxx * dyy - _DXY * dxy * dxy
-    if not response > threshold or (mask.size and not mask_accepts(mask, y, x, side)):
-        return False
+    if not response > threshold or (mask.size and not mask_accepts(mask, stride, corner, side)):
+        return count
     doubt = _SLACK * (abs(dxx * dyy) + dxy * dxy)
-    for s in range(max(2 - index, 0), min(layers - index, 1) + 2):
-        for di in range(3):
-            row = ((index - 2 + s) * 3 + (i + di - 1) % 3) * width
-            for dj in range(3):
-                cube[s, di, dj] = ring[row + k + dj - 1]
-    cube[1, 1, 1] = response
-    for s in (0, 2):
-        outer = index + s - 1
+    for outer in (index - 1, index + 1):
         if outer == 0 or outer == layers + 1:
-            corner = 4 + 3 * outer
-            y_outer, x_outer = (i - corner) * step, (j - corner) * step
-            if exact_response(integral, y_outer, x_outer, (9 + 6 * outer) << octave) > response + doubt:
-                return False
-            fill_exact_layer(integral, octave, outer, i, j, cube[s])
+            corner = ((i - 4 - 3 * outer) * stride + j - 4 - 3 * outer) << octave
+            if exact_response(sums, stride, corner, (9 + 6 * outer) << octave) > response + doubt:
+                return count
+            fill_exact_layer(sums, stride, octave, outer, i, j, cube[outer - index + 1])
+    cube[1, 1, 1] = response
     rival = strongest_neighbour(cube)
     if rival > response + doubt:
-        return False
+        return count
     if rival >= response - doubt:
         for s in range(3):
-            fill_exact_layer(integral, octave, index + s - 1, i, j, cube[s])
+            fill_exact_layer(sums, stride, octave, index + s - 1, i, j, cube[s])
         if not response > strongest_neighbour(cube):
-            return False
+            return count
     ok, dx, dy, ds = newton_offset(cube)
     half = np.float32(side - 1) * np.float32(0.5)
-    record[0] = np.float32(x) + half + dx * np.float32(step)
-    record[1] = np.float32(y) + half + dy * np.float32(step)
+    record = records[count]
+    record[0] = np.float32((j - offset) * step) + half + dx * np.float32(step)
+    record[1] = np.float32((i - offset) * step) + half + dy * np.float32(step)
     record[2] = np.float32(side) + ds * np.float32(6 * step)
     record[3] = np.rint(record[2])
     record[4] = response
     record[5] = octave
     record[6] = np.sign(dxx + dyy)
-    return ok
+    return count + ok
 
 
 @njit(cache=True, nogil=True)
