@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.surf_exact import (
     exact_derivatives,
-    exact_response,
-    fill_exact_layer,
+    fill_layer,
     mask_accepts,
     newton_offset,
+    quick_response,
     strongest_neighbour,
 )
 from peakmark.surf_layers import DXY_WEIGHT, Layer
@@ -99,8 +99,8 @@ def _find_in_block(integral, mask_integral, threshold, layers, octave, top, bott
     highest = np.zeros(layers * width, dtype=np.float32)
     flags = np.zeros((width // 8 + 1) * 8, dtype=np.uint8)
     words = flags.view(np.uint64)
-    length = ((width + 6 * layers + 10) << octave) // 2 * 2 + 2
-    scratch = np.empty(13 * length, dtype=np.int32)
+    length = (width + 6 * layers + 11) << octave
+    scratch = np.zeros(8 * length, dtype=np.int32)
     slack = min(threshold, np.float32(2.0**-8))
     loose = threshold - threshold * _SLACK - slack
     records = np.empty((256, 7), dtype=np.float32)
@@ -185,11 +185,14 @@ def _response_row(sums, stride, corner, index, octave, scratch, length, out, pla
         U(2 * length),
         wide,
     )
-    xx = _every(scratch, 0, 0, octave, 3, length)
-    yy_low = _every(scratch, 1, low % step, octave, 5, length)
-    yy_high = _every(scratch, 1, (side - low) % step, octave, 7, length)
-    xy_near = _every(scratch, 2, near % step, octave, 9, length)
-    xy_far = _every(scratch, 2, (side - near) % step, octave, 11, length)
+    xx = yy_low = yy_high = xy_near = xy_far = 0
+    if octave == 0:
+        yy_low = yy_high = length
+        xy_near = xy_far = 2 * length
+    else:
+        xx = _every(scratch, 0, step, 3 * length, n + side // step)
+        yy_low, yy_high = _both_phases(scratch, length, low % step, step, 4 * length, length, n + side // step)
+        xy_near, xy_far = _both_phases(scratch, 2 * length, near % step, step, 6 * length, length, n + side // step)
     mean = 1.0 / (third * (side - 2 * low))
     mixed_mean = 1.0 / (third * third)
     _determinants(
@@ -234,22 +237,20 @@ def _mixed_difference(sums, r1, r4, r5, r8, out, place, n):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _every(scratch, source, phase, octave, buffer, length):  # type: ignore[no-untyped-def]
-    """Gather every 2^octave-th element of a scratch row from `phase` on; returns where they lie side by side."""
-    place, n = source * length, length
-    for bit in range(octave):
-        n //= 2
-        target = (buffer + bit % 2) * length
-        _halve(scratch.view(np.int64), U(place // 2), U(32 * ((phase >> bit) & 1)), scratch, U(target), U(n))
-        place = target
+def _every(scratch, source, step, place, n):  # type: ignore[no-untyped-def]
+    """Copy every step-th element side by side, so that the loop over positions can use vectors; returns the place."""
+    for j in range(n):
+        scratch[U(place + j)] = scratch[U(source + j * step)]
     return place
 
 
 @njit(cache=True, nogil=True)
-def _halve(pairs, source, shift, out, place, n):  # type: ignore[no-untyped-def]
-    """The lower (shift 0) or upper (shift 32) of two neighbours, which is the first or second in memory."""
-    for x in range(n):
-        out[place + x] = np.int32(pairs[source + x] >> shift)
+def _both_phases(scratch, source, phase, step, place, length, n):  # type: ignore[no-untyped-def]
+    """`_every` from phase and from −phase on: the boxes of Dyy and Dxy lie symmetrically in the filter."""
+    mirrored = (step - phase) % step
+    left = _every(scratch, source + phase, step, place, n)
+    right = left if mirrored == phase else _every(scratch, source + mirrored, step, place + length, n)
+    return left, right
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -307,16 +308,16 @@ def _settle(sums, stride, mask, threshold, layers, octave, index, i, j, cube, re
     for outer in (index - 1, index + 1):
         if outer == 0 or outer == layers + 1:
             corner = ((i - 4 - 3 * outer) * stride + j - 4 - 3 * outer) << octave
-            if exact_response(sums, stride, corner, (9 + 6 * outer) << octave) > response + doubt:
+            if quick_response(sums, stride, corner, (9 + 6 * outer) << octave) > response + doubt:
                 return count
-            fill_exact_layer(sums, stride, octave, outer, i, j, cube[outer - index + 1])
+            fill_layer(sums, stride, octave, outer, i, j, False, cube[outer - index + 1])
     cube[1, 1, 1] = response
     rival = strongest_neighbour(cube)
     if rival > response + doubt:
         return count
     if rival >= response - doubt:
         for s in range(3):
-            fill_exact_layer(sums, stride, octave, index + s - 1, i, j, cube[s])
+            fill_layer(sums, stride, octave, index + s - 1, i, j, True, cube[s])
         if not response > strongest_neighbour(cube):
             return count
     ok, dx, dy, ds = newton_offset(cube)
