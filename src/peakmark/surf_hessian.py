@@ -148,10 +148,18 @@ def _find_in_block(integral, mask_integral, threshold, layers, octave, top, bott
                         continue
                     if count == len(records):
                         records = _grown(records)
+<<<<<<< HEAD
                     _cut_cube(ring, layers, width, index, i0, k + c, cube)
                     count = _settle(
                         sums, stride, mask, threshold, layers, octave, index, i0, first + c, cube, records, count
                     )
+=======
+                    if _settle(
+                        integral, mask, threshold, layers, octave, index, i0, first + c, ring, width, k + c,
+                        records[count],
+                    ):
+                        count += 1
+>>>>>>> main
     return records[:count].copy()
 
 
