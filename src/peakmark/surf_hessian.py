@@ -148,18 +148,10 @@ def _find_in_block(integral, mask_integral, threshold, layers, octave, top, bott
                         continue
                     if count == len(records):
                         records = _grown(records)
-<<<<<<< HEAD
                     _cut_cube(ring, layers, width, index, i0, k + c, cube)
                     count = _settle(
                         sums, stride, mask, threshold, layers, octave, index, i0, first + c, cube, records, count
                     )
-=======
-                    if _settle(
-                        integral, mask, threshold, layers, octave, index, i0, first + c, ring, width, k + c,
-                        records[count],
-                    ):
-                        count += 1
->>>>>>> main
     return records[:count].copy()
 
 
@@ -345,5 +337,7 @@ def _settle(sums, stride, mask, threshold, layers, octave, index, i, j, cube, re
 def _grown(records):  # type: ignore[no-untyped-def]
     """Copy with twice the room."""
     more = np.empty((2 * len(records), records.shape[1]), dtype=records.dtype)
-    more[: len(records)] = records
+    for row in range(len(records)):  # a slice would do the same and take seconds to compile
+        for column in range(records.shape[1]):
+            more[row, column] = records[row, column]
     return more

@@ -185,7 +185,6 @@ def _strongest_window(degrees, dx, dy, count, work, lengths):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-<<<<<<< HEAD
 def _add_window_lengths(work, exact, lengths):  # type: ignore[no-untyped-def]
     """Add the squared sum over each window: twelve groups from six early on, without the first exact multiple of 5°."""
     rest, pairs = exact + U(2 * _TURN), U(4 * _TURN)
@@ -198,38 +197,6 @@ def _add_window_lengths(work, exact, lengths):  # type: ignore[no-untyped-def]
     for k in range(U(_GROUPS)):
         total = work[pairs + k] + work[pairs + k + U(4)] + work[pairs + k + U(8)] - work[exact + k]
         lengths[k] += total * total
-=======
-def _window_strengths(degrees, dx, dy, count, work):  # type: ignore[no-untyped-def]
-    """Squared length of every window's sum, into work[3], up to rounding; returns the largest.
-
-    The window around 5 m degrees holds the groups m − 6 … m + 5 without the direction 5 (m − 6) itself. Of a group's
-    two sums the first is for that exact multiple of 5°, the second for the four degrees after it.
-    """
-    bins_x, bins_y, lengths = work[0], work[1], work[3]
-    work[:2] = 0
-    for k in range(count):
-        degree = degrees[k] if degrees[k] < 360 else np.int32(0)
-        group = degree // np.int32(5)
-        place = U(2 * group + (degree != 5 * group))
-        bins_x[place] += dx[k]
-        bins_y[place] += dy[k]
-    lengths[:_GROUPS] = 0
-    for bins in (bins_x, bins_y):
-        running = np.float32(0.0)
-        for bin_ in range(2 * (_GROUPS - 6) + 1, 2 * _GROUPS):
-            running += bins[bin_]
-        for bin_ in range(2 * 6):
-            running += bins[bin_]
-        for window in range(_GROUPS):
-            lengths[window] += running * running
-            gone = 2 * ((window + _GROUPS - 6) % _GROUPS)
-            come = 2 * ((window + 6) % _GROUPS)
-            running += bins[come] + bins[come + 1] - bins[gone + 1] - bins[(gone + 2) % (2 * _GROUPS)]
-    highest = np.float32(0.0)
-    for window in range(_GROUPS):
-        highest = max(highest, lengths[window])
-    return highest
->>>>>>> main
 
 
 @njit(cache=True, nogil=True)

@@ -21,7 +21,7 @@ _NEAR_HALF = np.float32(2.0**-11)
 
 
 def padded_length(length: int, itemsize: int) -> int:
-    """Row length, in items, that is an odd number of cache lines: rows of images 2^n wide would share few cache sets."""
+    """Row length, in items, of an odd number of cache lines: rows of images 2^n wide would share few cache sets."""
     lines = -(-length * itemsize // 64)
     return (lines | 1) * 64 // itemsize
 
