@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from peakmark.errors import InputError
 from peakmark.gray import as_gray
-from peakmark.integral import integral_image
+from peakmark.integral import integral_image, padded_integral
 from peakmark.keypoints import Keypoints
 from peakmark.surf_descriptor import describe_windows, window_side
 from peakmark.surf_hessian import find_interest_points, strongest_first
@@ -127,7 +127,8 @@ def orientations(integral: NDArray[np.int32], keypoints: Keypoints) -> NDArray[n
     -------
     (n,) float32 degrees, 0…360; −1 where no Haar filter fits into the image.
     """
-    return measure_angles(integral, keypoints.xy, keypoints.size)
+    shape = (integral.shape[0] - 1, integral.shape[1] - 1)
+    return measure_angles(np.ascontiguousarray(integral), shape, keypoints.xy, keypoints.size)
 
 
 def describe(
@@ -169,19 +170,24 @@ def _find(
 ) -> Keypoints:
     """`detect` on a checked image."""
     _check_parameters(threshold, octaves, layers, strongest, gray.shape)
-    covered = None if mask is None else integral_image(_as_zeros_and_ones(mask, gray.shape))
-    integral = integral_image(gray)
-    records = find_interest_points(integral, threshold, octaves, layers, covered)
+    covered = None if mask is None else padded_integral(_as_zeros_and_ones(mask, gray.shape))
+    integral = padded_integral(gray)
+    height, width = gray.shape
+    records = find_interest_points(integral, (height, width), threshold, octaves, layers, covered)
     order = strongest_first(records)
     limit = len(order) if strongest is None else strongest
     if upright:
         return _to_keypoints(records[order[:limit]], np.float32(UPRIGHT_DEG))
-    chosen, angles = _orient_strongest(integral, records, order, limit)
+    chosen, angles = _orient_strongest(integral, (height, width), records, order, limit)
     return _to_keypoints(records[chosen], angles)
 
 
 def _orient_strongest(
-    integral: NDArray[np.int32], records: NDArray[np.float32], order: NDArray[np.intp], limit: int
+    integral: NDArray[np.int32],
+    shape: tuple[int, int],
+    records: NDArray[np.float32],
+    order: NDArray[np.intp],
+    limit: int,
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """The first `limit` rows in `order` that have an orientation, and that orientation."""
     asked = limit
@@ -189,7 +195,7 @@ def _orient_strongest(
         head = order[:asked]
         angles = np.empty(len(records), dtype=np.float32)
         rows = np.sort(head)  # records lie in image order, which is kinder to the cache
-        angles[rows] = measure_angles(integral, records[rows, :2], records[rows, 3])
+        angles[rows] = measure_angles(integral, shape, records[rows, :2], records[rows, 3])
         chosen = head[angles[head] != NO_SAMPLE][:limit]
         if len(chosen) == limit or asked >= len(order):
             return chosen, angles[chosen]

@@ -34,6 +34,7 @@ _SLACK = np.float32(2.0**-12)
 
 def find_interest_points(
     integral: NDArray[np.int32],
+    shape: tuple[int, int],
     threshold: float,
     octaves: int,
     layers: int,
@@ -43,15 +44,16 @@ def find_interest_points(
 
     Parameters
     ----------
-    integral : (H + 1, W + 1) int32 array.
+    integral : (H + 1, at least W + 1) contiguous int32 array, see `padded_integral`.
+    shape : (H, W) of the image, px.
     threshold : a response must be larger, (grey levels)².
     octaves, layers : as in `hessian_responses`.
-    mask_integral : integral image of the mask as zeros and ones; None accepts every place.
+    mask_integral : the same for the mask as zeros and ones; None accepts every place.
     """
     mask = np.zeros((0, 0), dtype=np.int32) if mask_integral is None else mask_integral
-    blocks = [(octave, *block) for octave in range(octaves) for block in _grid_blocks(integral.shape, octave)]
+    blocks = [(octave, *block) for octave in range(octaves) for block in _grid_blocks(shape, octave)]
     found = map_parallel(
-        lambda block: _find_in_block(integral, mask, np.float32(threshold), layers, *block), blocks
+        lambda block: _find_in_block(integral, shape, mask, np.float32(threshold), layers, *block), blocks
     )
     return np.concatenate([np.zeros((0, len(RECORD_FIELDS)), dtype=np.float32), *found])
 
@@ -69,10 +71,10 @@ def strongest_first(records: NDArray[np.float32]) -> NDArray[np.intp]:
     return order
 
 
-def _grid_blocks(shape: tuple[int, ...], octave: int) -> list[tuple[int, int, int, int]]:
+def _grid_blocks(shape: tuple[int, int], octave: int) -> list[tuple[int, int, int, int]]:
     """First row, end row, first column, end column of the blocks that tile an octave's searched grid places."""
     margin = Layer(octave, 1).margin
-    rows, columns = (((length - 1) >> octave) - 2 * margin for length in shape)
+    rows, columns = ((length >> octave) - 2 * margin for length in shape)
     if rows <= 0 or columns <= 0:
         return []
     row_cuts = max(1, (thread_count() * _BANDS_PER_THREAD) >> octave)
@@ -84,7 +86,7 @@ def _grid_blocks(shape: tuple[int, ...], octave: int) -> list[tuple[int, int, in
 
 
 @njit(cache=True, nogil=True)
-def _find_in_block(integral, mask_integral, threshold, layers, octave, top, bottom, left, right):  # type: ignore[no-untyped-def]
+def _find_in_block(integral, shape, mask_integral, threshold, layers, octave, top, bottom, left, right):  # type: ignore[no-untyped-def]
     """Records of the maxima at the grid rows top ≤ i < bottom and columns left ≤ j < right of one octave.
 
     Rows of all arrays are named by their place in the flat arrays, as unsigned integers: that spares the reference
@@ -93,7 +95,7 @@ def _find_in_block(integral, mask_integral, threshold, layers, octave, top, bott
     sums, mask = integral.reshape(-1), mask_integral.reshape(-1)
     cube = np.empty((3, 3, 3), dtype=np.float32)
     stride = integral.shape[1]
-    rows, columns = (integral.shape[0] - 1) >> octave, (stride - 1) >> octave
+    rows, columns = shape[0] >> octave, shape[1] >> octave
     width = right - left + 2
     ring = np.zeros(layers * 3 * width, dtype=np.float32)
     highest = np.zeros(layers * width, dtype=np.float32)

@@ -23,7 +23,7 @@ _CLOSE = np.float32(1 - 2.0**-12)
 
 
 def gaussian(length: int, sigma: float) -> NDArray[np.float32]:
-    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middles are exp(0)."""
+    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middle weights are exp(0)."""
     offsets = np.arange(length) - (length - 1) / 2
     weights = np.exp(-0.5 * (offsets / sigma) ** 2)
     weights[np.abs(offsets) < 1] = 1
@@ -44,13 +44,14 @@ _OFFSETS, _WEIGHTS = circle_samples()
 
 
 def measure_angles(
-    integral: NDArray[np.int32], xy: NDArray[np.float32], size: NDArray[np.float32]
+    integral: NDArray[np.int32], shape: tuple[int, int], xy: NDArray[np.float32], size: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Angle of each key point, degrees in 0…360; `NO_SAMPLE` where no Haar filter fits into the image.
 
     Parameters
     ----------
-    integral : (H + 1, W + 1) contiguous int32 array.
+    integral : (H + 1, at least W + 1) contiguous int32 array, see `padded_integral`.
+    shape : (H, W) of the image, px.
     xy : (n, 2) float32 positions, px.
     size : (n,) float32 sizes, px.
     """
@@ -58,14 +59,14 @@ def measure_angles(
 
     def measure(cut: tuple[int, int]) -> None:
         part = slice(*cut)
-        _measure_angles(integral, xy[part], size[part], _OFFSETS, _WEIGHTS, angles[part])
+        _measure_angles(integral, shape, xy[part], size[part], _OFFSETS, _WEIGHTS, angles[part])
 
     map_parallel(measure, bands(len(size), 4 * thread_count()))
     return angles
 
 
 @njit(cache=True, nogil=True)
-def _measure_angles(integral, xy, size, offsets, weights, angles):  # type: ignore[no-untyped-def]
+def _measure_angles(integral, shape, xy, size, offsets, weights, angles):  # type: ignore[no-untyped-def]
     samples = len(weights)
     sums = integral.reshape(-1)
     places = np.empty((2, 2 * RADIUS + 1), dtype=np.int64)
@@ -79,8 +80,8 @@ def _measure_angles(integral, xy, size, offsets, weights, angles):  # type: igno
     for k in range(len(size)):
         s = size[k] * np.float32(1.2) / np.float32(9.0)
         half = np.int64(np.rint(np.float32(2.0) * s))
-        _place_lines(xy[k, 0], s, half, integral.shape[1], 1, places[0])
-        _place_lines(xy[k, 1], s, half, integral.shape[0], integral.shape[1], places[1])
+        _place_lines(xy[k, 0], s, half, shape[1], 1, places[0])
+        _place_lines(xy[k, 1], s, half, shape[0], integral.shape[1], places[1])
         count = _place_samples(places, offsets, weights, corners, kept)
         if count == 0:
             angles[k] = NO_SAMPLE
@@ -98,7 +99,7 @@ def _place_lines(center, s, half, length, stride, places):  # type: ignore[no-un
     reach = np.float32(2 * half - 1) / np.float32(2.0)
     for k in range(2 * RADIUS + 1):
         first = np.int64(np.rint(center + np.float32(k - RADIUS) * s - reach))
-        places[k] = first * stride if 0 <= first < length - 2 * half else -1
+        places[k] = first * stride if 0 <= first <= length - 2 * half else -1
 
 
 @njit(cache=True, nogil=True)

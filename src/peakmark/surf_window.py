@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from peakmark.integral import padded_length
 from peakmark.parallel import bands, map_parallel, thread_count
 
 PATCH_SIDE = 21
@@ -18,12 +19,6 @@ _CHUNK = 4096
 """Samples that are placed, loaded and interpolated together: they stay in the first cache."""
 _NEAR_HALF = np.float32(2.0**-11)
 """Averages this close to half a grey level are computed again in OpenCV's arithmetic, which decides the rounding."""
-
-
-def padded_length(length: int, itemsize: int) -> int:
-    """Row length, in items, of an odd number of cache lines: rows of images 2^n wide would share few cache sets."""
-    lines = -(-length * itemsize // 64)
-    return (lines | 1) * 64 // itemsize
 
 
 class Buffers(NamedTuple):
