@@ -23,7 +23,7 @@ _CLOSE = np.float32(1 - 2.0**-12)
 
 
 def gaussian(length: int, sigma: float) -> NDArray[np.float32]:
-    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middle weights are exp(0)."""
+    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middles are exp(0)."""
     offsets = np.arange(length) - (length - 1) / 2
     weights = np.exp(-0.5 * (offsets / sigma) ** 2)
     weights[np.abs(offsets) < 1] = 1
