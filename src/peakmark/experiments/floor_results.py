@@ -53,13 +53,13 @@ def run(config: FloorConfig, out: str | Path, on_step: Callable[[], None] = lamb
                     append(picture)
                 if first is None:
                     first = view
-                    write_pictures(folder, view, picture)
+                    figures = write_pictures(folder, view, picture)
                 on_step()
         assert first is not None
         result = _result(config, first, tally, load_s)
         if config.frames > 1:
             write_rows(folder / "frames.csv", tally.rows)
-        _write_report(folder, config, first, tally, result)
+        _write_report(folder, config, first, tally, result, jpeg_uri(overlay(first)), figures)
         write_json(folder / "result.json", result)
     return result
 
@@ -85,14 +85,17 @@ def overlay(view: View) -> NDArray[np.uint8]:
     return draw_overlay(view.frame.image, view.frame.truth, view.found.detections, view.score)
 
 
-def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> None:
-    """Write frame.png, overlay.png, responses.png and signatures.png."""
+def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> tuple[Any, Any]:
+    """Write frame.png, overlay.png, responses.png and signatures.png; return the two figures."""
     from PIL import Image
 
-    Image.fromarray(view.frame.image).save(folder / "frame.png")
-    Image.fromarray(picture).save(folder / "overlay.png")
-    plots.save(responses_figure(view), folder / "responses.png")
-    plots.save(signatures_figure(view), folder / "signatures.png")
+    # photographs with noise hardly shrink, so the quickest compression serves
+    Image.fromarray(view.frame.image).save(folder / "frame.png", compress_level=1)
+    Image.fromarray(picture).save(folder / "overlay.png", compress_level=1)
+    figures = responses_figure(view), signatures_figure(view)
+    plots.save(figures[0], folder / "responses.png")
+    plots.save(figures[1], folder / "signatures.png")
+    return figures
 
 
 def at_markers(view: View) -> NDArray[np.bool_]:
@@ -134,7 +137,15 @@ def _flat(row: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     return columns
 
 
-def _write_report(folder: Path, config: FloorConfig, first: View, tally: Tally, result: dict[str, Any]) -> None:
+def _write_report(
+    folder: Path,
+    config: FloorConfig,
+    first: View,
+    tally: Tally,
+    result: dict[str, Any],
+    picture: str,
+    figures: tuple[Any, Any],
+) -> None:
     found = f"{result['markers_found']} of {result['markers_in_view']} markers in view found"
     lead = (
         f"{found} among {result['features']:,} features{' a frame' if config.frames > 1 else ''}; "
@@ -144,11 +155,11 @@ def _write_report(folder: Path, config: FloorConfig, first: View, tally: Tally, 
     )
     sections = [
         Section("Result", table=Table(("figure", "value"), result_rows(result))),
-        Section("Figure 10: the frame with ranks", image=jpeg_uri(overlay(first)),
+        Section("Figure 10: the frame with ranks", image=picture,
                 caption="Circles: detections with their rank by response among all features; green found, "
                         "orange false, red crosses missed."),
-        Section("Figure 11: responses", image=svg_uri(responses_figure(first))),
-        Section("Figure 12: signatures", image=svg_uri(signatures_figure(first))),
+        Section("Figure 11: responses", image=svg_uri(figures[0])),
+        Section("Figure 12: signatures", image=svg_uri(figures[1])),
         Section("Markers", table=marker_table(first)),
     ]  # fmt: skip
     if config.frames > 1:
