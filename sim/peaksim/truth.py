@@ -70,7 +70,7 @@ def visible_fraction(camera: Camera, pose: Pose, solids: "Solids", number: int, 
     weights = _area_weights(camera, in_camera, transform(invert(pose), corners))
     inside = ((xy >= -0.5) & (xy <= [camera.width - 0.5, camera.height - 0.5])).all(axis=1)
     seen = np.zeros(len(points), dtype=bool)
-    seen[inside] = first_faces(solids, pose[:3, 3], points[inside] - pose[:3, 3]) == number
+    seen[inside] = first_faces(solids, pose[:3, 3], points[inside] - pose[:3, 3])[0] == number
     return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
 
 
@@ -85,11 +85,11 @@ def _area_weights(camera: Camera, points: NDArray[np.float64], corners: NDArray[
 
 def surfaces(scene: Scene, camera: Camera, world_from_camera: Pose) -> Surfaces:
     """Return depth, ids and normals at pixel centres, by one exact ray each."""
-    from peaksim.rays import nearest_faces, solids_of
+    from peaksim.rays import first_faces, solids_of
 
     x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
     rays = camera.unproject(np.stack([x.ravel(), y.ravel()], axis=1))
-    faces, parameters = nearest_faces(
+    faces, parameters = first_faces(
         solids_of(scene, quads=True), world_from_camera[:3, 3], rays @ world_from_camera[:3, :3].T
     )
     shape = (camera.height, camera.width)
