@@ -1,0 +1,268 @@
+"""The tables of a scene file → quads, meshes, lights, camera; each error starts with the field."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peaksim import scene_schema as schema
+from peaksim import shipped
+from peaksim.camera import Camera
+from peaksim.errors import InputError, SceneError
+from peaksim.image_file import read_image
+from peaksim.pose import Pose, compose, look_at, rotation_about
+from peaksim.scene import Light, Mark, Mesh, Quad
+from peaksim.texture import Texture
+from peaksim.trajectory import Trajectory
+
+_LARGEST_TEXTURE = 200_000_000  # texels of one papered surface
+_WHITE = 255
+
+
+# --- textures -----------------------------------------------------------------------------------------------
+
+
+class Paper:
+    """A wallpaper: a photograph of known physical size, repeated by mirroring to cover any surface."""
+
+    def __init__(self, photo: NDArray[np.uint8], photo_m: float) -> None:
+        self.photo = photo
+        self.texels_per_m = photo.shape[1] / photo_m
+
+    def cover(self, size_m: tuple[float, float], name: str) -> Texture:
+        """Return the texture of a surface of this width and height."""
+        width, height = (max(1, round(side * self.texels_per_m)) for side in size_m)
+        if width * height > _LARGEST_TEXTURE:
+            raise SceneError(f"{name}: expected at most {_LARGEST_TEXTURE} texels, got {width}×{height}; raise photo_m")
+        rows, columns = _mirrored(height, self.photo.shape[0]), _mirrored(width, self.photo.shape[1])
+        return Texture.from_array(self.photo[rows][:, columns])
+
+
+def _mirrored(length: int, period: int) -> NDArray[np.int64]:
+    """Return `length` indices that run 0…period−1, back to 0, and so on."""
+    phase = np.arange(length) % (2 * period)
+    return np.minimum(phase, 2 * period - 1 - phase)
+
+
+def load_textures(
+    tables: Mapping[str, schema.TextureTable], variants: Mapping[str, str], folder: Path
+) -> dict[str, Paper]:
+    """Read every texture table; `variants` picks among a texture's variants (default: the first)."""
+    for name in variants:
+        if name not in tables or not tables[name].variants:
+            raise SceneError(f"textures.{name}: expected a texture with variants, the file has none")
+    return {name: _load_texture(name, table, variants.get(name), folder) for name, table in tables.items()}
+
+
+def _load_texture(name: str, table: schema.TextureTable, variant: str | None, folder: Path) -> Paper:
+    if table.level is not None:
+        return Paper(np.full((1, 1), round(table.level), np.uint8), table.photo_m)
+    field, file = f"textures.{name}.file", table.file
+    if table.variants:
+        variant = variant or next(iter(table.variants))
+        if variant not in table.variants:
+            raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
+        field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
+    photo = _read_photo(_find_picture(str(file), folder, field), field)
+    return Paper(_with_contrast(photo, table.contrast, table.mean), table.photo_m)
+
+
+def _find_picture(file: str, folder: Path, field: str) -> Path:
+    """Return a picture beside the scene file, or else among the shipped assets."""
+    beside = folder / file
+    return shipped.inside(folder if beside.is_file() else shipped.ASSETS, file, field)
+
+
+def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
+    try:
+        photo = read_image(path)
+    except InputError as error:
+        raise SceneError(f"{field}: {error}") from error
+    if photo.dtype != np.uint8:
+        raise SceneError(f"{field}: expected an 8-bit picture, got {photo.dtype}")
+    return photo
+
+
+def _with_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
+    """Scale the deviations from the mean grey level by `contrast` and move the mean to `mean`."""
+    own_mean = photo.mean(axis=(0, 1))
+    levels = contrast * (photo - own_mean) + (own_mean if mean is None else mean)
+    return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+
+
+# --- flat things ----------------------------------------------------------------------------------------------
+
+
+def facing(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) -> Pose:
+    """Return `world_from_quad` of a quad whose printed face looks along `normal` and whose top is towards `up`."""
+    z = np.asarray(normal, dtype=np.float64)
+    x = np.cross(np.asarray(up, dtype=np.float64), z)
+    if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
+        raise SceneError(f"{field}: expected normal and up that are not zero and not parallel, got {normal} and {up}")
+    z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
+    return compose(np.stack([x, np.cross(z, x), z], axis=1), center_m)
+
+
+def quads(tables: tuple[schema.QuadTable, ...], textures: Mapping[str, Paper]) -> Iterator[Quad]:
+    """Yield the quads of `[[quads]]`."""
+    for i, table in enumerate(tables):
+        texture = _texture(textures, table.texture, f"quads[{i}].texture").cover(table.size_m, f"quads[{i}].size_m")
+        pose = facing(table.normal, table.up, table.center_m, f"quads[{i}]")
+        yield Quad(table.name, texture, table.size_m, pose)
+
+
+def _texture(textures: Mapping[str, Paper], name: str, field: str) -> Paper:
+    if name not in textures:
+        raise SceneError(f"{field}: expected one of {', '.join(textures) or 'the textures of the file'}, got {name!r}")
+    return textures[name]
+
+
+def room_quads(room: schema.RoomTable | None, textures: Mapping[str, Paper]) -> Iterator[Quad]:
+    """Yield the papered faces of the room, printed side inwards."""
+    if room is None:
+        return
+    low, high = np.array(room.min_m), np.array(room.max_m)
+    middle, (width, depth, height) = (low + high) / 2, high - low
+    faces: list[tuple[str, str | None, str, tuple[float, float], list[float], list[float], list[float]]] = [
+        ("floor", room.floor, "floor", (width, depth), [middle[0], middle[1], low[2]], [0, 0, 1], [0, 1, 0]),
+        ("ceiling", room.ceiling, "ceiling", (width, depth), [middle[0], middle[1], high[2]], [0, 0, -1], [0, 1, 0]),
+        ("wall_x_min", room.walls, "walls", (depth, height), [low[0], middle[1], middle[2]], [1, 0, 0], [0, 0, 1]),
+        ("wall_x_max", room.walls, "walls", (depth, height), [high[0], middle[1], middle[2]], [-1, 0, 0], [0, 0, 1]),
+        ("wall_y_min", room.walls, "walls", (width, height), [middle[0], low[1], middle[2]], [0, 1, 0], [0, 0, 1]),
+        ("wall_y_max", room.walls, "walls", (width, height), [middle[0], high[1], middle[2]], [0, -1, 0], [0, 0, 1]),
+    ]  # fmt: skip
+    for name, texture, field, size_m, center_m, normal, up in faces:
+        if texture is not None:
+            paper = _texture(textures, texture, f"room.{field}")
+            size = (float(size_m[0]), float(size_m[1]))
+            yield Quad(name, paper.cover(size, f"room.{field}"), size, facing(normal, up, center_m, f"room.{field}"))
+
+
+# --- markers --------------------------------------------------------------------------------------------------
+
+
+def marker_quads(
+    markers: tuple[schema.MarkerTable, ...],
+    paths: tuple[schema.MarkerPathTable, ...],
+    room: schema.RoomTable | None,
+) -> Iterator[Quad]:
+    """Yield every marker as a quad of white paper with the pattern in its middle."""
+    for i, table in enumerate(markers):
+        field = f"markers[{i}]"
+        pose = facing(table.normal, table.up, table.center_m, field)
+        yield _check_inside(_marker_quad(table.name, table, pose, field), room, f"{field}.center_m")
+    for i, path in enumerate(paths):
+        field = f"marker_paths[{i}]"
+        for j, pose in enumerate(path_poses(path)):
+            quad = _marker_quad(f"{path.name}{j + 1:02d}", path, pose, field)
+            yield _check_inside(quad, room, f"{field}.waypoints_m")
+
+
+def _marker_quad(name: str, table: schema.MarkerTable | schema.MarkerPathTable, pose: Pose, field: str) -> Quad:
+    """Return the quad of one marker; its border is rounded to whole texels of the pattern."""
+    picture = shipped.ASSETS / "markers" / f"{table.kind}.png"
+    if not picture.is_file():
+        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
+        raise SceneError(f"{field}.kind: expected one of {known}, got {table.kind!r}")
+    pattern = _read_photo(picture, f"{field}.kind")
+    texel_m = table.side_m / len(pattern)
+    border = round(table.border_m / texel_m)
+    side_m = (len(pattern) + 2 * border) * texel_m
+    texture = Texture.from_array(np.pad(pattern, border, constant_values=_WHITE))
+    return Quad(name, texture, (side_m, side_m), pose, Mark(name, table.kind, table.side_m))
+
+
+def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
+    """Return poses at equal arc lengths on a cubic spline through the waypoints, tops along the path."""
+    from scipy.interpolate import CubicSpline
+
+    waypoints = np.array(path.waypoints_m)
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))])
+    curve = CubicSpline(chord, waypoints)
+    fine = np.linspace(0, chord[-1], 10_000)
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
+    at = np.interp(np.linspace(0, arc[-1], path.count), arc, fine)
+    heading_deg = np.degrees(np.arctan2(*curve(at, 1).T[::-1])) - 90
+    return [compose(rotation_about("z", turn), [*xy, path.height_m]) for xy, turn in zip(curve(at), heading_deg, strict=True)]
+
+
+def _check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
+    if room is not None:
+        corners = quad.corners_m
+        if not ((corners >= np.array(room.min_m) - 1e-9) & (corners <= np.array(room.max_m) + 1e-9)).all():
+            center = ", ".join(f"{c:.3g}" for c in quad.world_from_quad[:3, 3])
+            raise SceneError(f"{field}: expected markers inside the room {list(room.min_m)}…{list(room.max_m)}, "
+                             f"{quad.name!r} is at ({center})")  # fmt: skip
+    return quad
+
+
+# --- furniture ------------------------------------------------------------------------------------------------
+
+
+def meshes(boxes: tuple[schema.BoxTable, ...], tables: tuple[schema.DeskTable, ...]) -> tuple[Mesh, ...]:
+    """Return the boxes and tables as triangle meshes."""
+    solids = [_mesh(table, [(table.size_m, (0.0, 0.0, table.size_m[2] / 2))]) for table in boxes]
+    return (*solids, *(_mesh(table, list(_desk_parts(table))) for table in tables))
+
+
+def _desk_parts(table: schema.DeskTable) -> Iterator[tuple[tuple[float, float, float], tuple[float, float, float]]]:
+    """Yield (size, centre) of the top and the four legs, metres."""
+    width, depth, height = table.size_m
+    leg, leg_height = table.leg_m, height - table.top_m
+    yield (width, depth, table.top_m), (0.0, 0.0, height - table.top_m / 2)
+    for x in (-1, 1):
+        for y in (-1, 1):
+            yield (leg, leg, leg_height), (x * (width - leg) / 2, y * (depth - leg) / 2, leg_height / 2)
+
+
+def _mesh(table: schema.BoxTable | schema.DeskTable, parts: list[tuple[Any, Any]]) -> Mesh:
+    import trimesh
+
+    solid = trimesh.util.concatenate(
+        [trimesh.creation.box(size, trimesh.transformations.translation_matrix(center)) for size, center in parts]
+    )
+    pose = compose(rotation_about("z", table.yaw_deg), table.center_m)
+    return Mesh(table.name, np.array(solid.vertices), np.array(solid.faces), pose, (table.level,) * 3)
+
+
+# --- lights and camera ----------------------------------------------------------------------------------------
+
+
+def lights(tables: tuple[schema.LightTable, ...]) -> tuple[Light, ...]:
+    """Return the lights."""
+    return tuple(Light(**table.model_dump()) for table in tables)
+
+
+def camera(table: schema.CameraTable) -> Camera:
+    """Return the camera; focal length and principal point default to square pixels and the image centre."""
+    return Camera(
+        width=table.width,
+        height=table.height,
+        fx=table.fx,
+        fy=table.fx if table.fy is None else table.fy,
+        cx=(table.width - 1) / 2 if table.cx is None else table.cx,
+        cy=(table.height - 1) / 2 if table.cy is None else table.cy,
+        distortion=table.distortion,
+    )
+
+
+def trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
+    """Return the camera's way through the waypoints."""
+    poses = []
+    for i, table in enumerate(tables):
+        try:
+            poses.append(look_at(table.eye_m, table.target_m))
+        except SceneError as error:
+            raise SceneError(f"trajectory[{i}]: {error}") from error
+    return Trajectory(np.array([table.time_s for table in tables]), np.stack(poses))
+
+
+def check_camera(tables: tuple[schema.WaypointTable, ...], room: schema.RoomTable | None) -> None:
+    """Refuse a camera outside the room, under its floor for instance."""
+    for i, table in enumerate(tables):
+        if room is not None and not (np.array(room.min_m) < table.eye_m).all() & (table.eye_m < np.array(room.max_m)).all():
+            raise SceneError(f"trajectory[{i}].eye_m: expected a point inside the room "
+                             f"{list(room.min_m)}…{list(room.max_m)}, got {list(table.eye_m)}")  # fmt: skip
+

@@ -1,0 +1,68 @@
+"""Signatures: the inner four cells of a SURF descriptor, which carry the marker (paper, Sections 3.2 and 4.2)."""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.errors import InputError
+from peakmark.keypoints import Keypoints
+from peakmark.marker import Polarity, surf_marker
+
+_INNER_CELLS = np.array([5, 6, 9, 10])
+"""Row-major indices of the inner 2×2 of the 4×4 cells; each cell is Σdx, Σdy, Σ|dx|, Σ|dy|."""
+
+SIGNATURE = (4 * _INNER_CELLS[:, None] + np.arange(4)).ravel()
+"""The 16 descriptor dimensions (0-based) of the signature."""
+
+VERSION_INDEPENDENT = (4 * _INNER_CELLS[:, None] + np.array([2, 3])).ravel()
+"""The 8 dimensions (0-based) that light and dark markers share: the paper's 23, 24, 27, 28, 39, 40, 43, 44 from 1."""
+
+_REFERENCE_SIDE_PX = 147
+_REFERENCE_IMAGE_PX = 513
+
+
+def signature_distances(
+    descriptors: NDArray[np.float32], polarity: Polarity | None = "dark"
+) -> NDArray[np.float32]:
+    """Return each descriptor's Euclidean distance from the ideal marker's signature.
+
+    Parameters
+    ----------
+    descriptors
+        (n, 64) SURF descriptors.
+    polarity
+        Of the reference; None compares the version-independent signature (VIS), common to both.
+
+    Raises
+    ------
+    InputError
+        If the descriptors are not 64 long (the extended ones have other cells).
+    """
+    if descriptors.ndim != 2 or descriptors.shape[1] != 64:
+        raise InputError(f"descriptors: expected (n, 64), got {descriptors.shape}")
+    dimensions = VERSION_INDEPENDENT if polarity is None else SIGNATURE
+    reference = reference_descriptor(polarity or "dark")[dimensions]
+    return np.asarray(np.linalg.norm(descriptors[:, dimensions] - reference, axis=1), dtype=np.float32)
+
+
+@cache
+def reference_descriptor(polarity: Polarity) -> NDArray[np.float32]:
+    """Return the (64,) descriptor that our own detector computes on the ideal marker, seen squarely.
+
+    The marker's four-fold symmetry makes its dominant gradient lie at ±27° from an axis whichever way it is
+    turned, so that one reference serves every rotation.
+    """
+    from peakmark import surf
+
+    strongest: Keypoints = surf.detect_and_describe(_ideal_view(polarity), strongest=1)
+    descriptor = strongest.descriptors[0].copy()
+    descriptor.setflags(write=False)
+    return np.asarray(descriptor)
+
+
+def _ideal_view(polarity: Polarity) -> NDArray[np.uint8]:
+    """Return the set-up of Section 4.1: the marker centred on a plain 513×513 picture of its border's grey."""
+    marker = surf_marker(_REFERENCE_SIDE_PX, polarity)
+    margin = (_REFERENCE_IMAGE_PX - _REFERENCE_SIDE_PX) // 2
+    return np.pad(marker, margin, constant_values=255 if polarity == "dark" else 0)
