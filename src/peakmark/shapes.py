@@ -1,4 +1,4 @@
-"""What a printed page is made of: boxes, discs, DoGs and lines of text, in millimetres, x right and y down."""
+"""What a printed page is made of: boxes, discs, DoGs and lines of text, in millimetres; x right, y down."""
 
 from dataclasses import dataclass
 
