@@ -1,1 +1,32 @@
-"""peakmark: maximum detector response markers for SIFT and SURF (Schweiger et al., 2009)."""
+"""peakmark: maximum detector response markers for SIFT and SURF (Schweiger et al., 2009).
+
+Names are imported when first used, so that `import peakmark` stays quick and compiles nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from peakmark import surf
+    from peakmark.keypoints import Keypoints
+
+_LAZY = {
+    "Keypoints": ("peakmark.keypoints", "Keypoints"),
+    "surf": ("peakmark.surf", None),
+}
+"""Public name → (module, attribute in it); None is the module itself."""
+
+__all__ = ["Keypoints", "surf"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use (PEP 562)."""
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module_name, attribute = _LAZY[name]
+    module = import_module(module_name)
+    return module if attribute is None else getattr(module, attribute)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LAZY})

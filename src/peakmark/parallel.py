@@ -1,0 +1,88 @@
+"""Threads for kernels that release the GIL: one shared pool, and a count the caller controls.
+
+Work is cut into bands whose results do not depend on the cut, and joined in band order, so the bytes are the same
+for any number of threads.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import TypeVar
+
+from peakmark.errors import InputError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+_threads: int | None = None
+_pool: ThreadPoolExecutor | None = None
+
+
+def thread_count() -> int:
+    """Number of threads in use: the last `set_thread_count`, else NUMBA_NUM_THREADS, else the CPUs allowed to us."""
+    if _threads is not None:
+        return _threads
+    asked = os.environ.get("NUMBA_NUM_THREADS", "")
+    return int(asked) if asked.isdigit() and int(asked) > 0 else len(os.sched_getaffinity(0))
+
+
+def set_thread_count(count: int | None) -> None:
+    """Use `count` threads from now on; None returns to the default.
+
+    Raises
+    ------
+    InputError
+        If the count is below 1.
+    """
+    global _threads, _pool
+    if count is not None and count < 1:
+        raise InputError(f"threads: expected a count of at least 1, got {count}")
+    _threads = count
+    _pool = None
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Use `count` threads inside a `with` block."""
+    before = _threads
+    set_thread_count(count)
+    try:
+        yield
+    finally:
+        set_thread_count(before)
+
+
+def map_parallel(work: Callable[[Task], Result], tasks: Iterable[Task]) -> list[Result]:
+    """`[work(task) for task in tasks]`, spread over the pool; results in the order of the tasks."""
+    listed = list(tasks)
+    if thread_count() == 1 or len(listed) < 2:
+        return [work(task) for task in listed]
+    return list(_shared_pool().map(work, listed))
+
+
+def bands(length: int, count: int) -> list[tuple[int, int]]:
+    """Cut range(length) into at most `count` half-open bands of nearly equal length, none empty.
+
+    >>> bands(10, 3)
+    [(0, 3), (3, 6), (6, 10)]
+    """
+    count = max(1, min(count, length))
+    edges = [length * index // count for index in range(count + 1)]
+    return [(first, last) for first, last in zip(edges, edges[1:], strict=False) if last > first]
+
+
+def _shared_pool() -> ThreadPoolExecutor:
+    global _pool
+    if _pool is None:
+        _pool = ThreadPoolExecutor(thread_count(), thread_name_prefix="peakmark")
+    return _pool
+
+
+def _forget_pool() -> None:
+    """A forked child has none of its parent's threads."""
+    global _pool
+    _pool = None
+
+
+os.register_at_fork(after_in_child=_forget_pool)
