@@ -141,9 +141,11 @@ class Scene:
     """Linear grey level where nothing is."""
 
     def __post_init__(self) -> None:
-        names = [q.name for q in self.quads] + [m.name for m in self.meshes]
-        if len(set(names)) != len(names):
-            raise SceneError(f"scene: expected unique names, got {next(n for n in names if names.count(n) > 1)!r} twice")
-        marks = [m.name for q in self.quads for m in q.marks]
-        if len(set(marks)) != len(marks):
-            raise SceneError(f"scene: expected unique marker names, got {next(n for n in marks if marks.count(n) > 1)!r} twice")
+        _check_unique([q.name for q in self.quads] + [m.name for m in self.meshes], "names")
+        _check_unique([m.name for q in self.quads for m in q.marks], "marker names")
+
+
+def _check_unique(names: list[str], what: str) -> None:
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise SceneError(f"scene: expected unique {what}, got {min(twice)!r} twice")

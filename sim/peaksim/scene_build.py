@@ -82,14 +82,14 @@ def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
         raise SceneError(f"{field}: {error}") from error
     if photo.dtype != np.uint8:
         raise SceneError(f"{field}: expected an 8-bit picture, got {photo.dtype}")
-    return photo
+    return np.asarray(photo, dtype=np.uint8)
 
 
 def _with_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
     """Scale the deviations from the mean grey level by `contrast` and move the mean to `mean`."""
     own_mean = photo.mean(axis=(0, 1))
     levels = contrast * (photo - own_mean) + (own_mean if mean is None else mean)
-    return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
 
 
 # --- flat things ----------------------------------------------------------------------------------------------
@@ -100,7 +100,7 @@ def facing(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) ->
     z = np.asarray(normal, dtype=np.float64)
     x = np.cross(np.asarray(up, dtype=np.float64), z)
     if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
-        raise SceneError(f"{field}: expected normal and up that are not zero and not parallel, got {normal} and {up}")
+        raise SceneError(f"{field}: expected normal and up that are not zero and not parallel, got {normal!r}, {up!r}")
     z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
     return compose(np.stack([x, np.cross(z, x), z], axis=1), center_m)
 
@@ -185,7 +185,10 @@ def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
     at = np.interp(np.linspace(0, arc[-1], path.count), arc, fine)
     heading_deg = np.degrees(np.arctan2(*curve(at, 1).T[::-1])) - 90
-    return [compose(rotation_about("z", turn), [*xy, path.height_m]) for xy, turn in zip(curve(at), heading_deg, strict=True)]
+    return [
+        compose(rotation_about("z", turn), [*xy, path.height_m])
+        for xy, turn in zip(curve(at), heading_deg, strict=True)
+    ]
 
 
 def _check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
@@ -262,7 +265,7 @@ def trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
 def check_camera(tables: tuple[schema.WaypointTable, ...], room: schema.RoomTable | None) -> None:
     """Refuse a camera outside the room, under its floor for instance."""
     for i, table in enumerate(tables):
-        if room is not None and not (np.array(room.min_m) < table.eye_m).all() & (table.eye_m < np.array(room.max_m)).all():
+        if room is not None and not (np.less(room.min_m, table.eye_m) & np.less(table.eye_m, room.max_m)).all():
             raise SceneError(f"trajectory[{i}].eye_m: expected a point inside the room "
                              f"{list(room.min_m)}…{list(room.max_m)}, got {list(table.eye_m)}")  # fmt: skip
 

@@ -141,7 +141,8 @@ def _build(table: SceneTable, variants: Mapping[str, str], folder: Path) -> Setu
         background=table.background,
     )  # fmt: skip
     scene_build.check_camera(table.trajectory, table.room)
-    return Setup(scene, scene_build.camera(table.camera), scene_build.trajectory(table.trajectory), _sensor(table.sensor))
+    camera = scene_build.camera(table.camera)
+    return Setup(scene, camera, scene_build.trajectory(table.trajectory), _sensor(table.sensor))
 
 
 def _sensor(settings: Mapping[str, Any]) -> Sensor:

@@ -24,6 +24,7 @@ def result_folder(out: str | Path) -> Iterator[Path]:
         If `out` is a file, cannot be written, or has no room; nothing is left behind then.
     """
     target = Path(out)
+    is_new = not target.exists()
     try:
         stage = _stage(target)
         try:
@@ -31,6 +32,8 @@ def result_folder(out: str | Path) -> Iterator[Path]:
             _publish(stage, target)
         finally:
             shutil.rmtree(stage, ignore_errors=True)
+            if is_new and not any(target.iterdir()):
+                target.rmdir()
     except OSError as error:
         raise InputError(f"--out {out}: expected a folder that can be written: {error.strerror or error}") from error
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from peakmark.identify import Detection
-from peakmark.keypoints import Keypoints
 from peaksim.frame import MarkerTruth
+
+from peakmark.identification import Detection
+from peakmark.keypoints import Keypoints
 
 TOLERANCE_PX = 3.0
 """A marker detected farther off counts as undetected (paper, Section 4.1)."""
@@ -90,7 +90,7 @@ def score_frame(
     errors = np.array([detections[matches[t.name]].xy - t.center_xy for t in found]).reshape(-1, 2)
     owner = owners(visible, features, tolerance_px)
     ranks = [_strongest(owner, visible.index(t)) for t in found]
-    last = max(ranks, default=None)
+    last = max((rank for rank in ranks if rank is not None), default=None)
     clutter = _strongest(owner, -1)
     return Score(
         markers_in_view=len(in_view),

@@ -1,4 +1,4 @@
-"""Key points → markers: the paper's rule of Section 4.2 — stretch, rank by response, find the drop, compare signatures."""
+"""Key points → markers by the paper's Section 4.2: stretch, rank by response, find the drop, compare signatures."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,10 @@ SIGNATURE_LIMIT = 0.45
 """Signature distance up to which a feature can be a marker; markers tilted to 75° stay below 0.35."""
 
 SMALLEST_DROP = 1.3
-"""Response ratio between neighbouring candidates that counts as the drop from markers to clutter."""
+"""Response ratio between features of neighbouring rank that counts as the drop from markers to clutter."""
+
+RANKED = 1000
+"""How many of the strongest features are searched for the drop."""
 
 MERGE_RADIUS = 0.6
 """In sizes of the stronger feature: weaker ones this near repeat it or are its ghosts."""
@@ -80,20 +83,19 @@ def identify(
     InputError
         If the stretch is not in 0.25…8, or the image is not one that `surf.detect` takes.
     """
-    return examine(gray, stretch, polarity, threshold).detections
+    return examine(stretched_features(gray, stretch, threshold), polarity).detections
 
 
-def examine(
-    gray: NDArray[np.uint8],
-    stretch: float = 2.0,
-    polarity: Polarity = "dark",
-    threshold: float = LOW_THRESHOLD,
-) -> Identification:
-    """Do as `identify`, and return all features and their signature distances too."""
+def stretched_features(gray: NDArray[np.uint8], stretch: float, threshold: float = LOW_THRESHOLD) -> Keypoints:
+    """Return the SURF features of the vertically stretched image, in the coordinates of the given one."""
     tall = stretched(gray, stretch)
-    features = surf.detect_and_describe(tall, threshold=threshold)
+    return unstretched(surf.detect_and_describe(tall, threshold=threshold), tall.shape[0] / gray.shape[0])
+
+
+def examine(features: Keypoints, polarity: Polarity = "dark") -> Identification:
+    """Return which of an image's features, strongest first and with descriptors, are markers."""
+    assert features.descriptors is not None
     distances = signature_distances(features.descriptors, polarity)
-    features = unstretched(features, tall.shape[0] / gray.shape[0])
     return Identification(features, distances, select(features, distances, polarity))
 
 
@@ -120,9 +122,9 @@ def unstretched(features: Keypoints, stretch: float) -> Keypoints:
 def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> tuple[Detection, ...]:
     """Return the markers among all features of an image, which come strongest first."""
     sign = 1 if polarity == "dark" else -1  # OpenCV's class_id is the sign of the trace: +1 for a dark centre
-    candidates = np.flatnonzero((features.laplacian == sign) & (distances <= SIGNATURE_LIMIT))
-    kept = merged(features, candidates)
+    kept = merged(features, np.arange(min(len(features), RANKED)))
     kept = kept[: above_drop(features.response[kept])]
+    kept = kept[(features.laplacian[kept] == sign) & (distances[kept] <= SIGNATURE_LIMIT)]
     return tuple(
         Detection(number, features.xy[i].astype(np.float64), float(features.scale[i]), polarity,
                   float(features.response[i]), float(distances[i]), int(i) + 1)
@@ -131,7 +133,7 @@ def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polari
 
 
 def merged(features: Keypoints, candidates: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the candidates, strongest first, without those near a stronger one.
+    """Return the candidates, given strongest first, without those near a stronger one.
 
     A marker answers in more than one octave, and with ghosts of about 16 % of its response around its centre.
     """

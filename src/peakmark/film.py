@@ -1,0 +1,30 @@
+"""Films that browsers play: H.264 in MP4, through PyAV."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@contextmanager
+def film(path: Path, frames_per_second: float, width_px: int) -> Iterator[Callable[[NDArray[np.uint8]], None]]:
+    """Give a function that appends (H, W, 3) RGB pictures, scaled to `width_px`, to an MP4 file."""
+    import av
+    import cv2
+
+    with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream("libx264", rate=Fraction(frames_per_second).limit_denominator(1000))
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": "23", "preset": "veryfast"}
+
+        def append(picture: NDArray[np.uint8]) -> None:
+            height = 2 * round(picture.shape[0] * width_px / picture.shape[1] / 2)  # H.264 wants even sides
+            stream.width, stream.height = 2 * (width_px // 2), max(2, height)
+            small = cv2.resize(picture, (stream.width, stream.height), interpolation=cv2.INTER_AREA)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(small, format="rgb24")))
+
+        yield append
+        container.mux(stream.encode())

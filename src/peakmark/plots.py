@@ -1,0 +1,71 @@
+"""Figures: each function draws into the given matplotlib `ax` and returns nothing."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MARKER_COLOUR = "#1a7f37"
+CLUTTER_COLOUR = "#8c959f"
+
+
+def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]:
+    """Return a figure and its axes, drawn without a screen."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    return figure, figure.subplots()
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a figure as PNG or SVG; the bytes depend on the figure alone."""
+    if path.suffix == ".svg":
+        import matplotlib
+
+        with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
+            figure.savefig(path, dpi=150, metadata={"Date": None})
+    else:
+        figure.savefig(path, dpi=150, metadata={"Software": None})
+
+
+def response_ranking(
+    ax: Any, responses: NDArray[np.float32], is_marker: NDArray[np.bool_], most: int = 60
+) -> None:
+    """Draw the strongest responses in descending order (the paper's Figure 11)."""
+    count = min(most, len(responses))
+    colours = np.where(is_marker[:count], MARKER_COLOUR, CLUTTER_COLOUR)
+    ax.bar(np.arange(1, count + 1), responses[:count], width=0.8, color=list(colours))
+    ax.set(xlabel="rank of the feature by response", ylabel="response (determinant of the Hessian)",
+           title="SURF responses in descending order", xlim=(0, count + 1))  # fmt: skip
+    _legend(ax)
+
+
+def signature_ranking(
+    ax: Any, distances: NDArray[np.float32], is_marker: NDArray[np.bool_], limit: float
+) -> None:
+    """Draw every feature's signature distance over its rank (the paper's Figure 12)."""
+    rank = np.arange(1, len(distances) + 1)
+    other = ~is_marker
+    ax.scatter(rank[other], distances[other], s=3, color=CLUTTER_COLOUR, alpha=0.5, linewidths=0, rasterized=True)
+    ax.scatter(rank[is_marker], distances[is_marker], s=28, color=MARKER_COLOUR, marker="D", zorder=3)
+    ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")
+    place = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
+    ax.text(0.99, limit + 0.01, f"limit {limit:g}", fontsize=8, **place)
+    ax.set(xscale="log", xlabel="rank of the feature by response", ylabel="distance from the ideal signature",
+           title="Signature distances", ylim=(0, None))  # fmt: skip
+    _legend(ax)
+
+
+def _legend(ax: Any) -> None:
+    from matplotlib.patches import Patch
+
+    ax.legend(handles=[Patch(color=MARKER_COLOUR, label="at a marker's centre"),
+                       Patch(color=CLUTTER_COLOUR, label="clutter")], frameon=False)  # fmt: skip
+
+
+def course(ax: Any, x: NDArray[np.float64], y: NDArray[np.float64], label: str, unit: str) -> None:
+    """Draw one figure of a flight over its frames."""
+    ax.plot(x, y, color=MARKER_COLOUR, linewidth=1.2, marker="o", markersize=3)
+    ax.set(xlabel="time (s)", ylabel=f"{label} ({unit})" if unit else label)
+    ax.grid(alpha=0.3)

@@ -1,0 +1,80 @@
+"""One self-contained HTML page: tables, figures and pictures, without a network or a script."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of plain values."""
+
+    head: Sequence[str]
+    """Column titles with units."""
+    rows: Sequence[Sequence[str | int | float | None]]
+    """One sequence a row; numbers are aligned right."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled part of the page; every part but the title may be missing."""
+
+    title: str
+    text: str = ""
+    """One plain paragraph."""
+    table: Table | None = None
+    image: str = ""
+    """A data URI from `svg_uri` or `jpeg_uri`."""
+    caption: str = ""
+    links: Sequence[str] = field(default_factory=tuple)
+    """Names of files beside the page."""
+
+
+def write_report(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
+    """Write the page; all texts are escaped."""
+    from jinja2 import Environment, PackageLoader
+
+    environment = Environment(loader=PackageLoader("peakmark", "templates"), autoescape=True)
+    environment.filters["cell"] = cell
+    page = environment.get_template("report.html").render(title=title, lead=lead, sections=sections)
+    path.write_text(page, encoding="utf-8")
+
+
+def cell(value: str | int | float | None) -> str:
+    """Format a table cell: "–" for None, at most four significant digits for fractions."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return f"{value:,}" if isinstance(value, int) else value
+
+
+def svg_uri(figure: Any) -> str:
+    """Return a matplotlib figure as a data URI of an SVG picture."""
+    import matplotlib
+
+    buffer = BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
+        figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
+    return _uri("image/svg+xml", buffer.getvalue())
+
+
+def jpeg_uri(picture: NDArray[np.uint8], width_px: int = 1400) -> str:
+    """Return an RGB picture, scaled down to `width_px` if wider, as a data URI of a JPEG."""
+    from PIL import Image
+
+    image = Image.fromarray(picture)
+    image.thumbnail((width_px, width_px))
+    buffer = BytesIO()
+    image.save(buffer, "JPEG", quality=88)
+    return _uri("image/jpeg", buffer.getvalue())
+
+
+def _uri(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
