@@ -52,7 +52,8 @@ class Parity:
 
     def row(self, name: str) -> str:
         worst = [f"{values.max(initial=0):9.2g}" for values in (self.shift_px, self.response_relative, self.angle_deg)]
-        return f"{name:40} {self.theirs:6} {self.ours:6} {len(self.pairs):6} {' '.join(worst)} {self.descriptor.max(initial=0):9.2g}"
+        counts = f"{self.theirs:6} {self.ours:6} {len(self.pairs):6}"
+        return f"{name:40} {counts} {' '.join(worst)} {self.descriptor.max(initial=0):9.2g}"
 
 
 def compare(theirs: Keypoints, ours: Keypoints) -> Parity:

@@ -1,4 +1,4 @@
-"""Imports point one way: scripts → peakmark → peaksim, and inside each along scene → render → detect → score → report."""
+"""Imports point one way: scripts → peakmark → peaksim, and in each along scene → render → detect → score → report."""
 
 import ast
 from pathlib import Path

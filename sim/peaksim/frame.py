@@ -39,6 +39,8 @@ class Frame:
 
     image: NDArray[np.uint8]
     """(H, W) grey or (H, W, 3) RGB."""
+    linear: NDArray[np.float32]
+    """(H, W) or (H, W, 3) linear grey levels before rounding, the sensor's input; 255 is white."""
     camera: Camera
     """The camera that took it."""
     world_from_camera: Pose

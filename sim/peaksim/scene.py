@@ -11,7 +11,7 @@ from peaksim.pose import Pose, rigid
 from peaksim.texture import Texture
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mark:
     """One printed marker on a quad: what truth reports on."""
 
@@ -25,7 +25,7 @@ class Mark:
     """Centre in the quad's frame (x right, y up), metres; axes are parallel to the quad's."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Quad:
     """A flat printed rectangle; its frame is x right, y up, z out of the printed face, origin at the centre."""
 
@@ -69,7 +69,7 @@ def rectangle_m(quad: Quad, center_m: tuple[float, float], size_m: tuple[float, 
     return np.asarray(flat @ quad.world_from_quad[:3, :3].T + quad.world_from_quad[:3, 3])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh of one colour; both faces are seen."""
 
@@ -105,7 +105,7 @@ class Mesh:
         return np.asarray(world[self.faces])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Light:
     """A light as a multiplier of linear grey levels; a scene without lights is shown as it is printed.
 
@@ -127,7 +127,7 @@ class Light:
     """Whether meshes throw shadows in this light."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """Everything that can be seen; names of quads, marks and meshes are unique."""
 

@@ -1,6 +1,7 @@
 """The tables of a scene file → quads, meshes, lights, camera; each error starts with the field."""
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -162,16 +163,25 @@ def marker_quads(
 
 def _marker_quad(name: str, table: schema.MarkerTable | schema.MarkerPathTable, pose: Pose, field: str) -> Quad:
     """Return the quad of one marker; its border is rounded to whole texels of the pattern."""
-    picture = shipped.ASSETS / "markers" / f"{table.kind}.png"
-    if not picture.is_file():
-        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
-        raise SceneError(f"{field}.kind: expected one of {known}, got {table.kind!r}")
-    pattern = _read_photo(picture, f"{field}.kind")
+    pattern = _pattern(table.kind, field)
     texel_m = table.side_m / len(pattern)
     border = round(table.border_m / texel_m)
     side_m = (len(pattern) + 2 * border) * texel_m
-    texture = Texture.from_array(np.pad(pattern, border, constant_values=_WHITE))
-    return Quad(name, texture, (side_m, side_m), pose, Mark(name, table.kind, table.side_m))
+    return Quad(name, _tile(table.kind, border), (side_m, side_m), pose, Mark(name, table.kind, table.side_m))
+
+
+def _pattern(kind: str, field: str) -> NDArray[np.uint8]:
+    picture = shipped.ASSETS / "markers" / f"{kind}.png"
+    if not picture.is_file():
+        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
+        raise SceneError(f"{field}.kind: expected one of {known}, got {kind!r}")
+    return _read_photo(picture, f"{field}.kind")
+
+
+@lru_cache(maxsize=64)
+def _tile(kind: str, border: int) -> Texture:
+    """Return a pattern with a white border of whole texels; equal markers share one texture."""
+    return Texture.from_array(np.pad(_pattern(kind, "kind"), border, constant_values=_WHITE))
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
@@ -268,4 +278,3 @@ def check_camera(tables: tuple[schema.WaypointTable, ...], room: schema.RoomTabl
         if room is not None and not (np.less(room.min_m, table.eye_m) & np.less(table.eye_m, room.max_m)).all():
             raise SceneError(f"trajectory[{i}].eye_m: expected a point inside the room "
                              f"{list(room.min_m)}…{list(room.max_m)}, got {list(table.eye_m)}")  # fmt: skip
-

@@ -105,8 +105,10 @@ def _what(fault: Any) -> str:
         return f"unknown field{_suggestion(fault['loc'])}"
     if fault["type"] == "missing":
         return "missing field"
-    message = fault["msg"].removeprefix("Value error, ")
-    return message if "got" in message else f"{message[0].lower()}{message[1:]}, got {fault['input']!r:.80}"
+    message = str(fault["msg"])
+    if fault["type"] == "value_error":  # our own words already say what came
+        return message.removeprefix("Value error, ")
+    return f"{message[0].lower()}{message[1:]}, got {fault['input']!r:.80}"
 
 
 def _suggestion(location: tuple[Any, ...]) -> str:
@@ -151,5 +153,3 @@ def _sensor(settings: Mapping[str, Any]) -> Sensor:
         if name not in known:
             raise SceneError(f"sensor.{name}: unknown field, expected one of {', '.join(known)}")
     return Sensor(**settings)
-
-

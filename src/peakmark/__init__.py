@@ -7,16 +7,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from peakmark import surf
+    from peakmark import marker, surf
+    from peakmark.identification import Detection, identify
     from peakmark.keypoints import Keypoints
 
 _LAZY = {
+    "Detection": ("peakmark.identification", "Detection"),
     "Keypoints": ("peakmark.keypoints", "Keypoints"),
+    "identify": ("peakmark.identification", "identify"),
+    "marker": ("peakmark.marker", None),
     "surf": ("peakmark.surf", None),
 }
 """Public name → (module, attribute in it); None is the module itself."""
 
-__all__ = ["Keypoints", "surf"]
+__all__ = ["Detection", "Keypoints", "identify", "marker", "surf"]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Integral images: the sum over any upright box from four corners (Viola and Jones, 2001, doi:10.1109/CVPR.2001.990517).
+"""Integral images: the sum over any upright box from four corners (Viola, Jones 2001, doi:10.1109/CVPR.2001.990517).
 
 Sums are kept modulo 2^32 in int32. Differences of such sums are exact as long as the box itself sums to less than
 2^31, whatever the size of the image: a box over 8-bit pixels may span 8.4 megapixels, the image any number.

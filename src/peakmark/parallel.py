@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import TypeVar
 
 from peakmark.errors import InputError
@@ -69,7 +70,7 @@ def bands(length: int, count: int) -> list[tuple[int, int]]:
     """
     count = max(1, min(count, length))
     edges = [length * index // count for index in range(count + 1)]
-    return [(first, last) for first, last in zip(edges, edges[1:], strict=False) if last > first]
+    return [(first, last) for first, last in pairwise(edges) if last > first]
 
 
 def _shared_pool() -> ThreadPoolExecutor:

@@ -56,6 +56,7 @@ def reference_descriptor(polarity: Polarity) -> NDArray[np.float32]:
     from peakmark import surf
 
     strongest: Keypoints = surf.detect_and_describe(_ideal_view(polarity), strongest=1)
+    assert strongest.descriptors is not None
     descriptor = strongest.descriptors[0].copy()
     descriptor.setflags(write=False)
     return np.asarray(descriptor)

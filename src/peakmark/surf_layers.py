@@ -73,8 +73,8 @@ def octave_layers(octave: int, layers: int) -> list[Layer]:
 def second_derivative_boxes(side: int) -> tuple[tuple[Box, ...], tuple[Box, ...], tuple[Box, ...]]:
     """Boxes of Dxx, Dyy and Dxy for a filter square of this side, scaled from the square of side 9.
 
-    >>> second_derivative_boxes(9)[0]
-    (Box(x0=0, y0=2, x1=3, y1=7, weight=1), Box(x0=3, y0=2, x1=6, y1=7, weight=-2), Box(x0=6, y0=2, x1=9, y1=7, weight=1))
+    >>> [box.weight for box in second_derivative_boxes(9)[0]]
+    [1, -2, 1]
     """
     at = [round(side * ninths / 9) for ninths in range(10)]
     dxx = tuple(Box(at[x], at[2], at[x + 3], at[7], weight) for x, weight in ((0, 1), (3, -2), (6, 1)))

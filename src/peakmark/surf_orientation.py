@@ -14,23 +14,29 @@ UPRIGHT_DEG = 270.0
 NO_SAMPLE = -1.0
 """Angle of a key point without a single sample inside the image."""
 
+U = np.uint64
+_GROUPS = 72
+"""Groups of 5° that make a turn; a window spans twelve of them."""
+_CLOSE = np.float32(1 - 2.0**-12)
+"""Windows within this factor of the strongest are summed again, in OpenCV's order."""
+
 
 def gaussian(length: int, sigma: float) -> NDArray[np.float32]:
-    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: an even length gets 1 for both middle weights."""
+    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middles are exp(0)."""
     offsets = np.arange(length) - (length - 1) / 2
     weights = np.exp(-0.5 * (offsets / sigma) ** 2)
-    weights[np.abs(offsets) < 1] = 1  # even lengths: not exp(−1 / 8 σ²)
+    weights[np.abs(offsets) < 1] = 1
     normalised: NDArray[np.float32] = (weights * (1 / weights.sum())).astype(np.float32)
     return normalised
 
 
-def circle_samples() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def circle_samples() -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """Sample offsets (113, 2) as x, y in units of s, and their weights (113,)."""
     line = gaussian(2 * RADIUS + 1, WEIGHT_SIGMA)
     span = range(-RADIUS, RADIUS + 1)
     inside = [(x, y) for x in span for y in span if x * x + y * y <= RADIUS * RADIUS]
     weights = [line[x + RADIUS] * line[y + RADIUS] for x, y in inside]
-    return np.array(inside, dtype=np.float32), np.array(weights, dtype=np.float32)
+    return np.array(inside), np.array(weights, dtype=np.float32)
 
 
 _OFFSETS, _WEIGHTS = circle_samples()
@@ -43,82 +49,147 @@ def measure_angles(
 
     Parameters
     ----------
-    integral : (H + 1, W + 1) int32 array.
+    integral : (H + 1, W + 1) contiguous int32 array.
     xy : (n, 2) float32 positions, px.
     size : (n,) float32 sizes, px.
     """
     angles = np.empty(len(size), dtype=np.float32)
-    cuts = bands(len(size), 4 * thread_count())
-    map_parallel(
-        lambda cut: _measure_angles(integral, xy[slice(*cut)], size[slice(*cut)], _OFFSETS, _WEIGHTS, angles[slice(*cut)]),
-        cuts,
-    )
+
+    def measure(cut: tuple[int, int]) -> None:
+        part = slice(*cut)
+        _measure_angles(integral, xy[part], size[part], _OFFSETS, _WEIGHTS, angles[part])
+
+    map_parallel(measure, bands(len(size), 4 * thread_count()))
     return angles
 
 
 @njit(cache=True, nogil=True)
 def _measure_angles(integral, xy, size, offsets, weights, angles):  # type: ignore[no-untyped-def]
-    dx = np.empty(len(weights), dtype=np.float32)
-    dy = np.empty(len(weights), dtype=np.float32)
-    degrees = np.empty(len(weights), dtype=np.int32)
+    samples = len(weights)
+    sums = integral.reshape(-1)
+    corners = np.empty(samples, dtype=np.int64)
+    kept = np.empty(samples, dtype=np.float32)
+    boxes = np.empty((4, samples), dtype=np.int32)
+    dx, dy = np.empty(samples, dtype=np.float32), np.empty(samples, dtype=np.float32)
+    degrees = np.empty(samples, dtype=np.int32)
+    work = np.empty((4, 2 * _GROUPS), dtype=np.float32)
     for k in range(len(size)):
-        count = _haar_samples(integral, xy[k, 0], xy[k, 1], size[k], offsets, weights, dx, dy)
+        s = size[k] * np.float32(1.2) / np.float32(9.0)
+        half = np.int64(np.rint(np.float32(2.0) * s))
+        count = _place_samples(integral.shape, xy[k, 0], xy[k, 1], s, half, offsets, weights, corners, kept)
         if count == 0:
             angles[k] = NO_SAMPLE
             continue
-        for j in range(count):
-            degrees[j] = np.int32(np.rint(fast_atan2(dy[j], dx[j])))
-        sum_x, sum_y = _strongest_window(degrees[:count], dx[:count], dy[:count])
+        _sum_boxes(sums, corners, count, half, half * integral.shape[1], boxes)
+        _haar_responses(boxes, kept, count, np.float32(1.0) / np.float32(2 * half * half), dx, dy, degrees)
+        sum_x, sum_y = _strongest_window(degrees, dx, dy, count, work)
         angles[k] = fast_atan2(-sum_y, sum_x)
 
 
 @njit(cache=True, nogil=True)
-def _haar_samples(integral, x, y, size, offsets, weights, dx, dy):  # type: ignore[no-untyped-def]
-    """Weighted Haar responses of the samples inside the image, in order; returns their number."""
-    s = size * np.float32(1.2) / np.float32(9.0)
-    half = np.int32(np.rint(np.float32(2.0) * s))
+def _place_samples(shape, x, y, s, half, offsets, weights, corners, kept):  # type: ignore[no-untyped-def]
+    """Flat places of the top-left corners of the Haar filters inside the image, and their weights; their number."""
     side = 2 * half
-    rows, columns = integral.shape[0] - side, integral.shape[1] - side
-    corner = np.float32(side - 1) / np.float32(2.0)
-    mean = np.float32(1.0) / np.float32(half * side)
+    rows, columns = shape[0] - side, shape[1] - side
+    reach = np.float32(side - 1) / np.float32(2.0)
     count = 0
     for k in range(len(weights)):
-        left = np.int64(np.rint(x + offsets[k, 0] * s - corner))
-        top = np.int64(np.rint(y + offsets[k, 1] * s - corner))
-        if top < 0 or top >= rows or left < 0 or left >= columns:
-            continue
-        above, middle, below = integral[top], integral[top + half], integral[top + side]
-        a0, a1, a2 = above[left], above[left + half], above[left + side]
-        m0, m2 = middle[left], middle[left + side]
-        b0, b1, b2 = below[left], below[left + half], below[left + side]
-        west, east = _mean(b1 - b0 - a1 + a0, mean), _mean(b2 - b1 - a2 + a1, mean)
-        north, south = _mean(m2 - m0 - a2 + a0, mean), _mean(b2 - b0 - m2 + m0, mean)
-        dx[count] = (east - west) * weights[k]
-        dy[count] = (north - south) * weights[k]
-        count += 1
+        left = np.int64(np.rint(x + np.float32(offsets[k, 0]) * s - reach))
+        top = np.int64(np.rint(y + np.float32(offsets[k, 1]) * s - reach))
+        corners[count] = top * shape[1] + left
+        kept[count] = weights[k]
+        count += (top >= 0) & (top < rows) & (left >= 0) & (left < columns)
     return count
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _mean(box_sum, one_by_area):  # type: ignore[no-untyped-def]
-    return np.float32(np.int32(box_sum)) * one_by_area
+@njit(cache=True, nogil=True)
+def _sum_boxes(sums, corners, count, half, half_rows, boxes):  # type: ignore[no-untyped-def]
+    """Sums of the west, east, north and south halves of the Haar filters."""
+    for k in range(count):
+        at = corners[k]
+        a0, a1, a2 = sums[U(at)], sums[U(at + half)], sums[U(at + 2 * half)]
+        at += half_rows
+        m0, m2 = sums[U(at)], sums[U(at + 2 * half)]
+        at += half_rows
+        b0, b1, b2 = sums[U(at)], sums[U(at + half)], sums[U(at + 2 * half)]
+        boxes[0, k] = np.int32((b1 - b0) - (a1 - a0))
+        boxes[1, k] = np.int32((b2 - b1) - (a2 - a1))
+        boxes[2, k] = np.int32((m2 - m0) - (a2 - a0))
+        boxes[3, k] = np.int32((b2 - b0) - (m2 - m0))
 
 
 @njit(cache=True, nogil=True)
-def _strongest_window(degrees, dx, dy):  # type: ignore[no-untyped-def]
-    """Sum of the vectors in the 60° window, tried every 5°, where that sum is longest."""
+def _haar_responses(boxes, weights, count, mean, dx, dy, degrees):  # type: ignore[no-untyped-def]
+    """Weighted Haar responses and their direction in whole degrees, each box mean rounded as OpenCV's."""
+    west, east, north, south = boxes[0], boxes[1], boxes[2], boxes[3]
+    for k in range(count):
+        dx[k] = (np.float32(east[k]) * mean - np.float32(west[k]) * mean) * weights[k]
+        dy[k] = (np.float32(north[k]) * mean - np.float32(south[k]) * mean) * weights[k]
+    for k in range(count):
+        degrees[k] = np.int32(np.rint(fast_atan2(dy[k], dx[k])))
+
+
+@njit(cache=True, nogil=True)
+def _strongest_window(degrees, dx, dy, count, work):  # type: ignore[no-untyped-def]
+    """Sum of the vectors in the 60° window, tried every 5°, where that sum is longest.
+
+    Sums over groups of directions tell which windows can win; only those are summed vector by vector.
+    """
+    strengths = work[3]
+    highest = _window_strengths(degrees, dx, dy, count, work)
     best = best_x = best_y = np.float32(0.0)
-    for center in range(0, 360, 5):
-        sum_x = sum_y = np.float32(0.0)
-        for j in range(degrees.size):
-            apart = abs(degrees[j] - center)
-            if apart < 30 or apart > 330:
-                sum_x += dx[j]
-                sum_y += dy[j]
-        strength = sum_x * sum_x + sum_y * sum_y
-        if strength > best:
-            best, best_x, best_y = strength, sum_x, sum_y
+    for window in range(_GROUPS):
+        if strengths[window] >= highest * _CLOSE:
+            sum_x, sum_y = _sum_window(degrees, dx, dy, count, 5 * window)
+            strength = sum_x * sum_x + sum_y * sum_y
+            if strength > best:
+                best, best_x, best_y = strength, sum_x, sum_y
     return best_x, best_y
+
+
+@njit(cache=True, nogil=True)
+def _window_strengths(degrees, dx, dy, count, work):  # type: ignore[no-untyped-def]
+    """Squared length of every window's sum, into work[3], up to rounding; returns the largest.
+
+    The window around 5 m degrees holds the groups m − 6 … m + 5 without the direction 5 (m − 6) itself. Of a group's
+    two sums the first is for that exact multiple of 5°, the second for the four degrees after it.
+    """
+    bins_x, bins_y, lengths = work[0], work[1], work[3]
+    work[:2] = 0
+    for k in range(count):
+        degree = degrees[k] if degrees[k] < 360 else np.int32(0)
+        group = degree // np.int32(5)
+        place = U(2 * group + (degree != 5 * group))
+        bins_x[place] += dx[k]
+        bins_y[place] += dy[k]
+    lengths[:_GROUPS] = 0
+    for bins in (bins_x, bins_y):
+        running = np.float32(0.0)
+        for bin_ in range(2 * (_GROUPS - 6) + 1, 2 * _GROUPS):
+            running += bins[bin_]
+        for bin_ in range(2 * 6):
+            running += bins[bin_]
+        for window in range(_GROUPS):
+            lengths[window] += running * running
+            gone = 2 * ((window + _GROUPS - 6) % _GROUPS)
+            come = 2 * ((window + 6) % _GROUPS)
+            running += bins[come] + bins[come + 1] - bins[gone + 1] - bins[(gone + 2) % (2 * _GROUPS)]
+    highest = np.float32(0.0)
+    for window in range(_GROUPS):
+        highest = max(highest, lengths[window])
+    return highest
+
+
+@njit(cache=True, nogil=True)
+def _sum_window(degrees, dx, dy, count, center):  # type: ignore[no-untyped-def]
+    """Sum of the vectors less than 30° from the centre, in order."""
+    sum_x = sum_y = np.float32(0.0)
+    for k in range(count):
+        apart = abs(degrees[k] - center)
+        inside = (apart < 30) | (apart > 330)
+        sum_x += dx[k] if inside else np.float32(0.0)
+        sum_y += dy[k] if inside else np.float32(0.0)
+    return sum_x, sum_y
 
 
 @njit(cache=True, nogil=True)
@@ -131,10 +202,6 @@ def fast_atan2(y, x):  # type: ignore[no-untyped-def]
     c = min(ax, ay) / (max(ax, ay) + tiny)
     c2 = c * c
     angle = (((p7 * c2 + p5) * c2 + p3) * c2 + p1) * c
-    if ay > ax:
-        angle = np.float32(90.0) - angle
-    if x < 0:
-        angle = np.float32(180.0) - angle
-    if y < 0:
-        angle = np.float32(360.0) - angle
-    return angle
+    angle = np.float32(90.0) - angle if ay > ax else angle
+    angle = np.float32(180.0) - angle if x < 0 else angle
+    return np.float32(360.0) - angle if y < 0 else angle

@@ -18,7 +18,7 @@ Float32 = NDArray[np.float32]
 
 
 class LayerResponse(NamedTuple):
-    """Determinant and trace of the Hessian of one layer, on the layer's grid; zero where the filter leaves the image."""
+    """Determinant and trace of the Hessian of one layer, on its grid; zero where the filter leaves the image."""
 
     layer: Layer
     det: Float32
@@ -159,7 +159,8 @@ def _refined(cube: Float32, here: LayerResponse, i: int, j: int) -> _Point | Non
 
 def newton_step(cube: NDArray[np.float64]) -> NDArray[np.float64]:
     """−H⁻¹ g of a 3×3×3 neighbourhood (scale, y, x), as (x, y, scale); zero where H is singular."""
-    gradient = np.array([cube[1, 1, 2] - cube[1, 1, 0], cube[1, 2, 1] - cube[1, 0, 1], cube[2, 1, 1] - cube[0, 1, 1]]) / 2
+    steps = [cube[1, 1, 2] - cube[1, 1, 0], cube[1, 2, 1] - cube[1, 0, 1], cube[2, 1, 1] - cube[0, 1, 1]]
+    gradient = np.array(steps) / 2
     twice = 2 * cube[1, 1, 1]
     xx = cube[1, 1, 0] - twice + cube[1, 1, 2]
     yy = cube[1, 0, 1] - twice + cube[1, 2, 1]

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-
 from helpers import marker_view
+
 from peakmark.errors import InputError
 from peakmark.identification import above_drop, identify, stretched, stretched_features, unstretched
 from peakmark.keypoints import Keypoints

@@ -21,9 +21,13 @@ def test_files_appear_only_when_the_block_ends(tmp_path: Path) -> None:
 
 def test_an_exception_leaves_earlier_results_alone(tmp_path: Path) -> None:
     (tmp_path / "result.json").write_text("old")
-    with pytest.raises(InputError, match="bad scene"), result_folder(tmp_path) as stage:
-        (stage / "result.json").write_text("new")
-        raise InputError("bad scene")
+    def fails_midway() -> None:
+        with result_folder(tmp_path) as stage:
+            (stage / "result.json").write_text("new")
+            raise InputError("bad scene")
+
+    with pytest.raises(InputError, match="bad scene"):
+        fails_midway()
     assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
     assert (tmp_path / "result.json").read_text() == "old"
 
@@ -47,10 +51,14 @@ def test_a_file_in_the_way_is_one_line(tmp_path: Path) -> None:
 
 def test_a_full_disk_is_bad_input_and_leaves_nothing(tmp_path: Path) -> None:
     out = tmp_path / "full"
-    with pytest.raises(InputError, match="No space left"), result_folder(out) as stage:
-        (stage / "half").write_bytes(b"half")
-        with open("/dev/full", "wb", buffering=0) as full:  # the kernel's own full disk
+
+    def runs_out_of_room() -> None:
+        with result_folder(out) as stage, open("/dev/full", "wb", buffering=0) as full:  # the kernel's own full disk
+            (stage / "half").write_bytes(b"half")
             full.write(b"x")
+
+    with pytest.raises(InputError, match="No space left"):
+        runs_out_of_room()
     assert not out.exists()
 
 

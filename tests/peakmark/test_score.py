@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from peaksim.frame import MarkerTruth
 
 from peakmark.identification import Detection
 from peakmark.keypoints import Keypoints
 from peakmark.score import localisation, match, score_frame
-from peaksim.frame import MarkerTruth
 
 
 def truth(name: str, x: float, y: float, visible: float = 1.0) -> MarkerTruth:

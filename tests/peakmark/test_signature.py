@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-
 from helpers import marker_view
+
 from peakmark import surf
 from peakmark.errors import InputError
 from peakmark.signature import SIGNATURE, VERSION_INDEPENDENT, reference_descriptor, signature_distances

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from peaksim import load_scene
 from peaksim.errors import SceneError
 from peaksim.scene_build import path_poses
@@ -63,7 +62,7 @@ def test_a_marker_tile_is_pattern_and_white_border(scene_file: Path) -> None:
     (_, marker) = load_scene(scene_file).scene.quads
     assert marker.size_m == pytest.approx((0.10, 0.10))
     assert [m.side_m for m in marker.marks] == [0.08]
-    texels = marker.texture.texels
+    texels = marker.texture.pixels
     assert texels.shape[:2] == (180, 180)
     assert (texels[:18] == 255).all()
     assert texels[90, 90] == 0
@@ -78,14 +77,14 @@ def test_path_tops_point_along_the_path() -> None:
 
 def test_variants_pick_another_photograph(scene_file: Path) -> None:
     assert texture_variants(scene_file) == {"floor": ("gravel", "brick")}
-    default, gravel, brick = (load_scene(scene_file, v).scene.quads[0].texture.texels
+    default, gravel, brick = (load_scene(scene_file, v).scene.quads[0].texture.pixels
                               for v in ({}, {"floor": "gravel"}, {"floor": "brick"}))  # fmt: skip
     assert np.array_equal(default, gravel)
     assert not np.array_equal(default, brick)
 
 
 def test_wallpaper_is_mirrored_at_its_seams(scene_file: Path) -> None:
-    floor = load_scene(scene_file).scene.quads[0].texture.texels
+    floor = load_scene(scene_file).scene.quads[0].texture.pixels
     assert floor.shape == (3 * 512, 2 * 512)
     assert np.array_equal(floor[:512], floor[512:1024][::-1])
     assert np.array_equal(floor[:, :512], floor[:, 512:][:, ::-1])

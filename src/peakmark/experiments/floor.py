@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.frame import Frame
-from peaksim.render import render
+from peaksim.rendering import Renderer, render
 from peaksim.scene_file import Setup, load_scene
 from peaksim.sensor import apply_sensor
 
@@ -27,7 +27,7 @@ class FloorConfig:
     """Scene file, or the name of one that ships with the package."""
     texture: str | None = None
     """Variant of the texture named "floor"; None takes the first."""
-    renderer: str = "auto"
+    renderer: Renderer = "auto"
     """"gl", "exact" or "auto"."""
     seed: int = 0
     """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""

@@ -1,8 +1,9 @@
 """The command behind `scripts/render_floor.py`: arguments, progress, and what the terminal shows."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
+from peaksim.rendering import Renderer
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -30,7 +31,7 @@ def render_floor(
     from peakmark.report import cell
 
     console = Console(stderr=False, quiet=quiet)
-    config = FloorConfig(scene, texture, renderer, seed, stretch, frames)
+    config = FloorConfig(scene, texture, cast(Renderer, renderer), seed, stretch, frames)
     with Progress(console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task("load scene", total=frames + 1)
 

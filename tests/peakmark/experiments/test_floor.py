@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from peaksim.scene_file import load_scene
 from PIL import Image
 
 from peakmark.errors import InputError
 from peakmark.experiments.floor import FloorConfig, look, open_scene
 from peakmark.experiments.floor_results import run
-from peaksim.scene_file import load_scene
 
 ROOT = Path(__file__).resolve().parents[3]
 FILES = {"frame.png", "overlay.png", "responses.png", "signatures.png", "report.html", "result.json"}
@@ -119,7 +119,9 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
 
 
 @pytest.mark.parametrize("renderer", ["exact", "gl"])
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(small_scene: Path, tmp_path: Path, renderer: str) -> None:
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
+    small_scene: Path, tmp_path: Path, renderer: str
+) -> None:
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         run(FloorConfig(str(small_scene), renderer=renderer, seed=seed), tmp_path / name)
     assert checksums(tmp_path / "a") == checksums(tmp_path / "b")
@@ -136,7 +138,7 @@ def test_a_flight_has_a_row_a_frame_a_summary_and_a_film_that_plays(small_scene:
     assert result["markers_in_view"] == sum(int(row["markers_in_view"]) for row in rows)
     assert result["markers_found"] == sum(int(row["markers_found"]) for row in rows) == 12
     with av.open(str(tmp_path / "flight.mp4")) as container:
-        assert len([frame for frame in container.decode(video=0)]) == 4
+        assert len(list(container.decode(video=0))) == 4
         assert container.streams.video[0].codec_context.name == "h264"
 
 
