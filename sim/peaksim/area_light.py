@@ -55,7 +55,7 @@ def pack_lights(lights: tuple[Light, ...]) -> Lights:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def light_at(lights, solids, place, normal, eye):  # type: ignore[no-untyped-def]
     """Return the multiplier at `place` (world) on a surface with `normal`, as seen from `eye`; 1 without lights."""
     if lights.kinds.size == 0:

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from peaksim.area_light import light_at
-from peaksim.area_polygon import EMPTY, MAX_PIECES, MAX_VERTICES, area_of, cut
+from peaksim.area_polygon import EMPTY, MAX_PIECES, MAX_VERTICES, area_of, copy_polygon, cut
 from peaksim.area_texture import polygon_mean
 from peaksim.faces import QUAD
 
@@ -41,7 +41,7 @@ class Work(NamedTuple):
     vs: NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def new_work(n):  # type: ignore[no-untyped-def]
     """Return memory for pixels of up to n faces."""
     vertices = MAX_VERTICES
@@ -54,7 +54,7 @@ def new_work(n):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def affine(row, above, below, x, out):  # type: ignore[no-untyped-def]
     """Write a, b, c of row·d ≈ a + b·s + c·t over pixel x (exact for a pinhole)."""
     f00 = row[0] * above[x, 0] + row[1] * above[x, 1] + row[2] * above[x, 2]
@@ -66,7 +66,7 @@ def affine(row, above, below, x, out):  # type: ignore[no-untyped-def]
     out[0] = 0.25 * (f00 + f10 + f01 + f11) - 0.5 * (out[1] + out[2])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def sides_of(maps, kind, extents, out):  # type: ignore[no-untyped-def]
     """Write the four half-planes of a face from its (3, 3) affine p, q, w."""
     for k in range(3):
@@ -76,7 +76,7 @@ def sides_of(maps, kind, extents, out):  # type: ignore[no-untyped-def]
         out[3, k] = extents[1] * w - q if kind == QUAD else w
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def subtract(pieces, sizes, n, sides, n_sides, fresh, fresh_sizes, scratch):  # type: ignore[no-untyped-def]
     """Remove the convex region within `sides` from n pieces; write what is left to `fresh`, return its number."""
     m = 0
@@ -84,7 +84,7 @@ def subtract(pieces, sizes, n, sides, n_sides, fresh, fresh_sizes, scratch):  # 
         first = m
         rest, other = scratch[0], scratch[1]
         size = sizes[k]
-        rest[:size] = pieces[k, :size]
+        copy_polygon(pieces[k], size, rest)
         for side in range(n_sides):
             a, b, c = sides[side, 0], sides[side, 1], sides[side, 2]
             if m < MAX_PIECES:
@@ -100,20 +100,20 @@ def subtract(pieces, sizes, n, sides, n_sides, fresh, fresh_sizes, scratch):  # 
             # nothing was taken away: keep the piece whole
             m = first
             if m < MAX_PIECES:
-                fresh[m, : sizes[k]] = pieces[k, : sizes[k]]
+                copy_polygon(pieces[k], sizes[k], fresh[m])
                 fresh_sizes[m] = sizes[k]
                 m += 1
     return m
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def place_of(pose, ray, w, place):  # type: ignore[no-untyped-def]
     """Write the world point ray / w of a camera."""
     for k in range(3):
         place[k] = pose[k, 3] + (pose[k, 0] * ray[0] + pose[k, 1] * ray[1] + pose[k, 2] * ray[2]) / w
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def light_of_piece(scene, pose, face, rays, depth, polygon, n):  # type: ignore[no-untyped-def]
     """Return the mean multiplier over a piece of a pixel: at its middle, finer where a shadow's edge crosses it.
 
@@ -142,7 +142,7 @@ def light_of_piece(scene, pose, face, rays, depth, polygon, n):  # type: ignore[
     return total / area_of(polygon, n)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _light_over_triangle(scene, pose, face, rays, depth, polygon, k, ray, place):  # type: ignore[no-untyped-def]
     """Return ∫ of the multiplier over triangle (0, k, k + 1) of a polygon, by SHADOW_SAMPLES points."""
     s0, t0 = polygon[0, 0], polygon[0, 1]
@@ -158,7 +158,7 @@ def _light_over_triangle(scene, pose, face, rays, depth, polygon, k, ray, place)
     return total / SHADOW_SAMPLES * 0.5 * abs(s1 * t2 - s2 * t1)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _light_in_pixel(scene, pose, face, rays, depth, s, t, ray, place):  # type: ignore[no-untyped-def]
     for k in range(3):
         ray[k] = rays[k, 0] + rays[k, 1] * s + rays[k, 2] * t
@@ -166,7 +166,7 @@ def _light_in_pixel(scene, pose, face, rays, depth, s, t, ray, place):  # type: 
     return light_at(scene.lights, scene.solids, place, scene.faces.normals[face], pose[:3, 3])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def add_piece(scene, place, face, maps, polygon, n, weight, out, us, vs):  # type: ignore[no-untyped-def]
     """Add weight × the mean of a face over a polygon of the pixel to `out` (channels,)."""
     texture = scene.faces.textures[face]
@@ -193,7 +193,7 @@ def add_piece(scene, place, face, maps, polygon, n, weight, out, us, vs):  # typ
         out[channel] += weight * value
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def add_in_slabs(scene, place, face, maps, polygon, n, weight, out, work):  # type: ignore[no-untyped-def]
     """Add weight × the mean over a polygon, in slabs of nearly constant depth, so that image area is what counts."""
     nearest = farthest = maps[2, 0] + maps[2, 1] * polygon[0, 0] + maps[2, 2] * polygon[0, 1]
@@ -218,7 +218,7 @@ def add_in_slabs(scene, place, face, maps, polygon, n, weight, out, work):  # ty
             add_piece(scene, place, face, maps, work.slab_b, size, weight * share, out, work.us, work.vs)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def mixed_pixel(scene, pose, place, found, n, above, below, x, out, work):  # type: ignore[no-untyped-def]
     """Write the area integral of pixel x, shared by the first n faces in `found`, to `out` (channels,)."""
     faces = scene.faces
@@ -227,10 +227,11 @@ def mixed_pixel(scene, pose, place, found, n, above, below, x, out, work):  # ty
             affine(faces.maps[place, found[k], row], above, below, x, work.maps[k, row])
         sides_of(work.maps[k], faces.kinds[found[k]], faces.extents[found[k]], work.sides[k])
     for row in range(3):
-        work.axis[:] = 0.0
-        work.axis[row] = 1.0
+        for k in range(3):
+            work.axis[k] = 1.0 if k == row else 0.0
         affine(work.axis, above, below, x, work.rays[row])
-    out[:] = 0.0
+    for channel in range(out.size):
+        out[channel] = 0.0
     covered = 0.0
     for k in range(n):
         m = _visible_pieces(faces, found, n, k, work)
@@ -244,20 +245,20 @@ def mixed_pixel(scene, pose, place, found, n, above, below, x, out, work):  # ty
         out[channel] += max(1.0 - covered, 0.0) * scene.background
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _visible_pieces(faces, found, n, k, work):  # type: ignore[no-untyped-def]
     """Write the visible pieces of candidate k to work.pieces and work.sizes; return their number."""
     _unit_square(work.square)
-    size = 4
+    size = np.int64(4)  # a plain 4 would compile every function below twice, once for the literal
     source, target = work.square, work.slab_a
     for side in range(4):
         size = cut(source, size, work.sides[k, side, 0], work.sides[k, side, 1], work.sides[k, side, 2], target)
         source, target = (work.slab_a, work.slab_b) if side % 2 == 0 else (work.slab_b, work.slab_a)
     if size < 3 or area_of(source, size) <= EMPTY:
         return 0
-    work.pieces[0, :size] = source[:size]
+    copy_polygon(source, size, work.pieces[0])
     work.sizes[0] = size
-    m = 1
+    m = np.int64(1)
     for other in range(n):
         if other == k or m == 0:
             continue
@@ -265,12 +266,13 @@ def _visible_pieces(faces, found, n, k, work):  # type: ignore[no-untyped-def]
         if n_sides == 0:
             continue
         m = subtract(work.pieces, work.sizes, m, work.cutter, n_sides, work.fresh, work.fresh_sizes, work.scratch)
-        work.pieces[:m] = work.fresh[:m]
-        work.sizes[:m] = work.fresh_sizes[:m]
+        for piece in range(m):
+            copy_polygon(work.fresh[piece], work.fresh_sizes[piece], work.pieces[piece])
+            work.sizes[piece] = work.fresh_sizes[piece]
     return m
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _nearer_sides(front, back, sides, later, cutter):  # type: ignore[no-untyped-def]
     """Write the half-planes of the region where one face lies before another; return their number, 0 for nowhere."""
     least, most, deepest = np.inf, -np.inf, 0.0
@@ -282,33 +284,36 @@ def _nearer_sides(front, back, sides, later, cutter):  # type: ignore[no-untyped
     tie = TIE * deepest
     if most <= tie and (least < -tie or not later):
         return 0
-    cutter[:4] = sides
+    for k in range(3):
+        for side in range(4):
+            cutter[side, k] = sides[side, k]
+        cutter[4, k] = front[2, k] - back[2, k]
     if least >= -tie:
         return 4
-    cutter[4] = front[2] - back[2]
     return 5
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _unit_square(polygon):  # type: ignore[no-untyped-def]
     for corner in range(4):
         polygon[corner, 0] = 1.0 if corner in (1, 2) else 0.0
         polygon[corner, 1] = 1.0 if corner in (2, 3) else 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def whole_pixel(scene, pose, place, face, above, below, x, out, done, work):  # type: ignore[no-untyped-def]
     """Light a pixel that one face fills; integrate it in slabs first unless that is `done`."""
     for row in range(3):
         affine(scene.faces.maps[place, face, row], above, below, x, work.maps[0, row])
-        work.axis[:] = 0.0
-        work.axis[row] = 1.0
+        for k in range(3):
+            work.axis[k] = 1.0 if k == row else 0.0
         affine(work.axis, above, below, x, work.rays[row])
     _unit_square(work.square)
-    light = light_of_piece(scene, pose, face, work.rays, work.maps[0, 2], work.square, 4)
+    light = light_of_piece(scene, pose, face, work.rays, work.maps[0, 2], work.square, np.int64(4))
     if done:
         for channel in range(out.size):
             out[channel] *= light
         return
-    out[:] = 0.0
-    add_in_slabs(scene, place, face, work.maps[0], work.square, 4, light, out, work)
+    for channel in range(out.size):
+        out[channel] = 0.0
+    add_in_slabs(scene, place, face, work.maps[0], work.square, np.int64(4), light, out, work)

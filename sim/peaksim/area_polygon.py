@@ -11,7 +11,7 @@ EMPTY = 1e-9
 """Pieces smaller than this share of a pixel are dropped."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def cut(source, n, a, b, c, target):  # type: ignore[no-untyped-def]
     """Write the part of the (n, 2) polygon with a + b·s + c·t ≥ 0 to `target`; return its number of vertices."""
     if n == 0:
@@ -35,7 +35,7 @@ def cut(source, n, a, b, c, target):  # type: ignore[no-untyped-def]
     return m
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def area_of(polygon, n):  # type: ignore[no-untyped-def]
     """Return the area of the first n vertices, positive whichever way round."""
     total = 0.0
@@ -43,3 +43,10 @@ def area_of(polygon, n):  # type: ignore[no-untyped-def]
         total += (polygon[k, 0] - polygon[0, 0]) * (polygon[k + 1, 1] - polygon[0, 1])
         total -= (polygon[k + 1, 0] - polygon[0, 0]) * (polygon[k, 1] - polygon[0, 1])
     return 0.5 * abs(total)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def copy_polygon(source, n, target):  # type: ignore[no-untyped-def]
+    """Copy the first n vertices; slices would do the same and take seconds to compile."""
+    for k in range(n):
+        target[k, 0], target[k, 1] = source[k, 0], source[k, 1]

@@ -44,11 +44,13 @@ class View(NamedTuple):
     height: int
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def corner_row(view, y, rays):  # type: ignore[no-untyped-def]
     """Write the (w + 1, 3) directions of the corners above pixel row y."""
     if view.lattice.size:
-        rays[:] = view.lattice[y]
+        for x in range(view.width + 1):
+            for k in range(3):
+                rays[x, k] = view.lattice[y, x, k]
         return
     down = (y - 0.5 - view.pinhole[3]) / view.pinhole[1]
     for x in range(view.width + 1):
@@ -57,7 +59,7 @@ def corner_row(view, y, rays):  # type: ignore[no-untyped-def]
         rays[x, 2] = 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _range(low, high, ray_low, ray_high):  # type: ignore[no-untyped-def]
     """Return the range of Σ m·d for m and d in boxes."""
     least = most = 0.0
@@ -69,7 +71,7 @@ def _range(low, high, ray_low, ray_high):  # type: ignore[no-untyped-def]
     return least, most
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def box_state(low, high, kind, extents, ray_low, ray_high):  # type: ignore[no-untyped-def]
     """Return whether a face with maps within (low, high) is outside, touches or covers a box of directions."""
     state = COVERS
@@ -93,7 +95,7 @@ def box_state(low, high, kind, extents, ray_low, ray_high):  # type: ignore[no-u
     return state
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def candidates(low, high, kinds, extents, ray_low, ray_high, source, n, found, states):  # type: ignore[no-untyped-def]
     """Write those of the first n faces in `source` that may be seen within a box of directions; return their number."""
     m = 0
@@ -117,7 +119,7 @@ def candidates(low, high, kinds, extents, ray_low, ray_high, source, n, found, s
     return kept
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _in_front(low, high, front, back, ray_low, ray_high):  # type: ignore[no-untyped-def]
     """Return whether one face is nearer than another along every direction of a box."""
     gap_low, gap_high = np.empty(3), np.empty(3)
@@ -129,12 +131,12 @@ def _in_front(low, high, front, back, ray_low, ray_high):  # type: ignore[no-unt
     return least > TIE * abs(deepest)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _dot(row, ray):  # type: ignore[no-untyped-def]
     return row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def pixel_state(face_map, kind, extents, above, below, x, depths):  # type: ignore[no-untyped-def]
     """Return whether a face is outside, touches or covers pixel x between two rows of corners; write its 4 depths w."""
     outs = 0
@@ -153,7 +155,7 @@ def pixel_state(face_map, kind, extents, above, below, x, depths):  # type: igno
     return TOUCHES if outs else COVERS
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def pixel_owner(view_maps, faces, found, n, above, below, x, depths, states):  # type: ignore[no-untyped-def]
     """Return the face that alone fills a pixel, NOTHING, or MIXED."""
     touched = 0
@@ -176,7 +178,7 @@ def pixel_owner(view_maps, faces, found, n, above, below, x, depths, states):  #
     return MIXED
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _hides(depths, front, back, later):  # type: ignore[no-untyped-def]
     """Return whether a covering face hides another one at all four corners of a pixel."""
     for corner in range(4):
@@ -187,10 +189,11 @@ def _hides(depths, front, back, later):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_box(view, first, last, x0, x1, above, low, high):  # type: ignore[no-untyped-def]
     """Write the box of directions of the corners of pixels x0 … x1 − 1 in rows first … last − 1."""
-    low[:], high[:] = np.inf, -np.inf
+    for k in range(3):
+        low[k], high[k] = np.inf, -np.inf
     for y in range(first, last + 1):
         if view.lattice.size == 0 and first < y < last:
             continue
@@ -200,16 +203,19 @@ def _tile_box(view, first, last, x0, x1, above, low, high):  # type: ignore[no-u
                 low[k], high[k] = min(low[k], above[x, k]), max(high[k], above[x, k])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _map_range(maps, low, high):  # type: ignore[no-untyped-def]
     """Write the least and largest entries of (n, f, 3, 3) maps."""
-    low[:], high[:] = maps[0], maps[0]
-    for k in range(1, len(maps)):
-        low[:] = np.minimum(low, maps[k])
-        high[:] = np.maximum(high, maps[k])
+    for face in range(maps.shape[1]):
+        for row in range(3):
+            for column in range(3):
+                least = most = maps[0, face, row, column]
+                for k in range(1, len(maps)):
+                    least, most = min(least, maps[k, face, row, column]), max(most, maps[k, face, row, column])
+                low[face, row, column], high[face, row, column] = least, most
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_faces(view, faces, maps, first, last, rays):  # type: ignore[no-untyped-def]
     """Return (tiles, f) candidates, their (tiles,) numbers, and the face that alone covers a tile, else MIXED."""
     n_faces = faces.kinds.size
@@ -218,16 +224,19 @@ def _tile_faces(view, faces, maps, first, last, rays):  # type: ignore[no-untype
     ray_low, ray_high = np.empty(3), np.empty(3)
     states = np.empty(n_faces, np.int64)
     in_band = np.empty(n_faces, np.int64)
-    _tile_box(view, first, last, 0, view.width, rays, ray_low, ray_high)
-    every = np.arange(n_faces)
+    _tile_box(view, first, last, np.int64(0), view.width, rays, ray_low, ray_high)
+    every = np.empty(n_faces, np.int64)
+    for face in range(n_faces):
+        every[face] = face
     n_band = candidates(low, high, faces.kinds, faces.extents, ray_low, ray_high, every, n_faces, in_band, states)
     tiles = (view.width + TILE - 1) // TILE
     found = np.empty((tiles, n_band), np.int64)
-    counts, alone = np.empty(tiles, np.int64), np.full(tiles, MIXED)
+    counts, alone = np.empty(tiles, np.int64), np.empty(tiles, np.int64)
     for tile in range(tiles):
         _tile_box(view, first, last, tile * TILE, min((tile + 1) * TILE, view.width), rays, ray_low, ray_high)
         n = candidates(low, high, faces.kinds, faces.extents, ray_low, ray_high, in_band, n_band, found[tile], states)
         counts[tile] = n
+        alone[tile] = MIXED
         if n == 1 and states[0] == COVERS:
             alone[tile] = found[tile, 0]
         if n == 0:
@@ -235,7 +244,7 @@ def _tile_faces(view, faces, maps, first, last, rays):  # type: ignore[no-untype
     return found, counts, alone
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def render_band(view, poses, seen, first, last, out):  # type: ignore[no-untyped-def]
     """Write rows first … last − 1 of the (h, w, channels) picture.
 
@@ -245,45 +254,69 @@ def render_band(view, poses, seen, first, last, out):  # type: ignore[no-untyped
     still = len(poses) == 1
     width = view.width
     above, below = np.empty((width + 1, 3)), np.empty((width + 1, 3))
-    owners, previous = np.empty(width, np.int64), np.full(width, NOTHING)
+    owners, previous = np.empty(width, np.int64), np.empty(width, np.int64)
+    forget(previous, np.int64(0), width)
     shared = np.empty((out.shape[2], width))
     found, counts, alone = _tile_faces(view, faces, faces.maps if still else faces.maps[first:last], first, last, above)
-    most = max(counts.max(), 1)
+    most = np.int64(1)
+    for tile in range(counts.size):
+        most = max(most, counts[tile])
     work = new_work(most)
     depths, states = np.empty((most, 4)), np.empty(most, np.int64)
     chunk = np.empty((4, CHUNK + 1))
     for y in range(first, last):
-        place = 0 if still else y
+        place = np.int64(0) if still else y
         corner_row(view, y, above)
         corner_row(view, y + 1, below)
-        for x in range(width):
-            tile = x // TILE
-            owners[x] = alone[tile]
-            if owners[x] == MIXED:
-                owners[x] = pixel_owner(
-                    faces.maps[place], faces, found[tile], counts[tile], above, below, x, depths, states
-                )
+        own_row(faces, place, found, counts, alone, above, below, owners, depths, states)
         if not still:
-            previous[:] = NOTHING
-        x = 0
-        while x < width:
-            owner = owners[x]
-            end = x + 1
-            while owner != MIXED and end < width and end - x < CHUNK and owners[end] == owner:
-                end += 1
-            if owner >= 0:
-                fill_run(seen, poses[place], place, owner, above, below, x, end, out[y], previous, shared, chunk, work)
-            else:
-                previous[x:end] = NOTHING
-            if owner == NOTHING:
-                out[y, x:end] = seen.background
-            if owner == MIXED:
-                tile = x // TILE
-                mixed_pixel(seen, poses[place], place, found[tile], counts[tile], above, below, x, out[y, x], work)
-            x = end
+            forget(previous, np.int64(0), width)
+        fill_row(seen, poses[place], place, found, counts, owners, above, below, out[y], previous, shared, chunk, work)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def own_row(faces, place, found, counts, alone, above, below, owners, depths, states):  # type: ignore[no-untyped-def]
+    """Write the owner of each pixel of a row: a face, NOTHING, or MIXED."""
+    for x in range(owners.size):
+        tile = x // TILE
+        owners[x] = alone[tile]
+        if owners[x] == MIXED:
+            owners[x] = pixel_owner(faces.maps[place], faces, found[tile], counts[tile], above, below, x, depths, states)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_row(  # type: ignore[no-untyped-def]
+    seen, pose, place, found, counts, owners, above, below, row, previous, shared, chunk, work
+):
+    """Write a row of pixels, in runs of equal owners."""
+    x = np.int64(0)
+    while x < owners.size:
+        owner = owners[x]
+        end = x + 1
+        while owner != MIXED and end < owners.size and end - x < CHUNK and owners[end] == owner:
+            end += 1
+        if owner >= 0:
+            fill_run(seen, pose, place, owner, above, below, x, end, row, previous, shared, chunk, work)
+        else:
+            forget(previous, x, end)
+        if owner == NOTHING:
+            for k in range(x, end):
+                for channel in range(row.shape[1]):
+                    row[k, channel] = seen.background
+        if owner == MIXED:
+            tile = x // TILE
+            mixed_pixel(seen, pose, place, found[tile], counts[tile], above, below, x, row[x], work)
+        x = end
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def forget(previous, x0, x1):  # type: ignore[no-untyped-def]
+    """Mark that the lower edges of pixels x0 … x1 − 1 were not integrated."""
+    for x in range(x0, x1):
+        previous[x] = NOTHING
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def fill_run(seen, pose, place, face, above, below, x0, x1, row, previous, shared, chunk, work):  # type: ignore[no-untyped-def]
     """Write pixels x0 … x1 − 1 of a row, which `face` fills alone."""
     texture = seen.faces.textures[face]
@@ -291,15 +324,17 @@ def fill_run(seen, pose, place, face, above, below, x0, x1, row, previous, share
         done = _integrate_run(seen, place, face, above, below, x0, x1, row, previous, shared, chunk)
     else:
         done = True
-        row[x0:x1] = seen.faces.levels[face]
-        previous[x0:x1] = NOTHING
+        for x in range(x0, x1):
+            for channel in range(row.shape[1]):
+                row[x, channel] = seen.faces.levels[face, channel]
+        forget(previous, x0, x1)
     if done and seen.lights.kinds.size == 0:
         return
     for x in range(x0, x1):
         whole_pixel(seen, pose, place, face, above, below, x, row[x], done, work)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _integrate_run(seen, place, face, above, below, x0, x1, row, previous, shared, chunk):  # type: ignore[no-untyped-def]
     """Write the texture's mean over each footprint; False where depth varies too much within one."""
     maps = seen.faces.maps[place, face]
@@ -311,11 +346,11 @@ def _integrate_run(seen, place, face, above, below, x0, x1, row, previous, share
         w1 = 1.0 / _dot(maps[2], below[x0 + k])
         us1[k], vs1[k] = _dot(maps[0], below[x0 + k]) * w1, _dot(maps[1], below[x0 + k]) * w1
         if abs(w - w1) > PERSPECTIVE * w:
-            previous[x0:x1] = NOTHING
+            forget(previous, x0, x1)
             return False
     last, first = _dot(maps[2], above[x1]), _dot(maps[2], above[x0])
     if abs(last - first) > PERSPECTIVE * n * min(last, first):
-        previous[x0:x1] = NOTHING
+        forget(previous, x0, x1)
         return False
     texture = seen.faces.textures[face]
     start, stride, plane = (
@@ -334,7 +369,8 @@ def _integrate_run(seen, place, face, above, below, x0, x1, row, previous, share
         reach = max(reach, max(max(abs(du), abs(dv)), max(abs(eu), abs(ev))))
     for channel in range(row.shape[1]):
         if channel > 0 and plane == 0:
-            row[x0:x1, channel] = row[x0:x1, 0]
+            for x in range(x0, x1):
+                row[x, channel] = row[x, 0]
             continue
         first_node = start + channel * plane
         if reach < POINT_FOOTPRINT:
@@ -344,7 +380,7 @@ def _integrate_run(seen, place, face, above, below, x0, x1, row, previous, share
                     0.25 * (vs0[k] + vs0[k + 1] + vs1[k] + vs1[k + 1]),
                 )
                 row[x0 + k, channel] = sample(seen.textures.tables, first_node, stride, u, v)
-            previous[x0:x1] = NOTHING
+            forget(previous, x0, x1)
             continue
         before = edge_integral(seen.textures.tables, first_node, stride, us0[0], vs0[0], us1[0], vs1[0], down)
         for k in range(n):

@@ -21,7 +21,7 @@ def _row(tables, node, u0, u1, u2):  # type: ignore[no-untyped-def]
     return u0 * tables[node] + u1 * tables[node + 1] + u2 * tables[node + 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def edge_integral(tables, start, stride, u0, v0, u1, v1, steps):  # type: ignore[no-untyped-def]
     """Return ∫ P dv along the straight edge from (u0, v0) to (u1, v1), texels, up to terms that cancel in a loop."""
     du, dv = (u1 - u0) / steps, (v1 - v0) / steps
@@ -53,7 +53,7 @@ def edge_integral(tables, start, stride, u0, v0, u1, v1, steps):  # type: ignore
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def edge_steps(du, dv, area, contrast):  # type: ignore[no-untyped-def]
     """Return how many steps an edge of (du, dv) texels around a footprint of `area` texels² needs."""
     most = STEPS_PER_TEXEL * max(abs(du), abs(dv)) + 1.0
@@ -63,14 +63,14 @@ def edge_steps(du, dv, area, contrast):  # type: ignore[no-untyped-def]
     return int((slant / area) ** (2.0 / 3.0)) + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def texel(tables, start, stride, i, j):  # type: ignore[no-untyped-def]
     """Return the texel (i, j), −1 … n, from the table."""
     node = start + (j + 1) * stride + i + 1
     return tables[node] - tables[node + 1] - tables[node + stride] + tables[node + stride + 1]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def sample(tables, start, stride, u, v):  # type: ignore[no-untyped-def]
     """Return the bilinear texture at (u, v) texels."""
     i, j = int(u + 0.5) - 1, int(v + 0.5) - 1
@@ -80,7 +80,7 @@ def sample(tables, start, stride, u, v):  # type: ignore[no-untyped-def]
     return (1 - g) * above + g * below
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def polygon_mean(tables, start, stride, contrast, us, vs, n):  # type: ignore[no-untyped-def]
     """Return the mean of a texture over the polygon of the first `n` vertices (us, vs), texels."""
     area = 0.0

@@ -247,7 +247,8 @@ def _fisheye_limit(distortion: tuple[float, ...]) -> float:
     k = np.pad(np.asarray(distortion, dtype=np.float64), (0, 4 - len(distortion)))
     roots = np.polynomial.Polynomial([1, *(k * [3, 5, 7, 9])]).roots() if k.any() else np.empty(0)
     real = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots))].real if len(roots) else roots
-    return min([float(np.pi) * (1 - 1e-9), *(float(np.sqrt(float(r))) for r in real if r > 0)])
+    turning = np.sqrt(np.asarray(real, dtype=np.float64)[np.asarray(real) > 0])
+    return float(min([np.pi * (1 - 1e-9), *turning.tolist()]))
 
 
 def _unproject_fisheye(flat: Points, distortion: tuple[float, ...]) -> Points:

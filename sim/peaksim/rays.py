@@ -90,7 +90,7 @@ def _node(
     return lows[part].min(axis=0, initial=np.inf), highs[part].max(axis=0, initial=-np.inf), first, last - first
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def meets_box(low, high, origin, inverse, farthest):  # type: ignore[no-untyped-def]
     """Return whether a ray with 1/direction `inverse` meets a box nearer than `farthest`."""
     near, far = 0.0, farthest
@@ -100,7 +100,7 @@ def meets_box(low, high, origin, inverse, farthest):  # type: ignore[no-untyped-
     return near <= far * (1.0 + 1e-12)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def hit(solids, face, origin, ray):  # type: ignore[no-untyped-def]
     """Return the ray parameter at which it meets a face, inf if it does not (Möller and Trumbore 1997)."""
     u, v = solids.us[face], solids.vs[face]
@@ -125,7 +125,7 @@ def hit(solids, face, origin, ray):  # type: ignore[no-untyped-def]
     return (v[0] * qx + v[1] * qy + v[2] * qz) / det
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def blocked(solids, origin, ray, nearest, farthest):  # type: ignore[no-untyped-def]
     """Return whether any face meets origin + t·ray with nearest < t < farthest."""
     if solids.ids.size == 0:
@@ -153,7 +153,7 @@ def blocked(solids, origin, ray, nearest, farthest):  # type: ignore[no-untyped-
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def nearest_face(solids, origin, ray):  # type: ignore[no-untyped-def]
     """Return (scene face, t) of what a ray sees first, (−1, inf) for nothing; of faces in one plane the later one."""
     best, best_t = -1, np.inf
@@ -183,7 +183,7 @@ def nearest_face(solids, origin, ray):  # type: ignore[no-untyped-def]
     return best, best_t
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def nearest_faces(solids, origin, rays):  # type: ignore[no-untyped-def]
     """Return the first scene face of each of (n, 3) rays from one origin, −1 for none, and the ray parameters."""
     faces = np.empty(len(rays), np.int64)

@@ -21,10 +21,16 @@ def film(path: Path, frames_per_second: float, width_px: int) -> Iterator[Callab
         stream.options = {"crf": "23", "preset": "veryfast"}
 
         def append(picture: NDArray[np.uint8]) -> None:
-            height = 2 * round(picture.shape[0] * width_px / picture.shape[1] / 2)  # H.264 wants even sides
-            stream.width, stream.height = 2 * (width_px // 2), max(2, height)
-            small = cv2.resize(picture, (stream.width, stream.height), interpolation=cv2.INTER_AREA)
+            small = cv2.resize(picture, _even_size(picture, width_px), interpolation=cv2.INTER_AREA)
+            if not stream.codec_context.is_open:
+                stream.height, stream.width = small.shape[:2]
             container.mux(stream.encode(av.VideoFrame.from_ndarray(small, format="rgb24")))
 
         yield append
         container.mux(stream.encode())
+
+
+def _even_size(picture: NDArray[np.uint8], width_px: int) -> tuple[int, int]:
+    """Return (width, height) of a picture scaled to a width; H.264 wants both even."""
+    height = picture.shape[0] * width_px / picture.shape[1]
+    return 2 * (width_px // 2), max(2, 2 * round(height / 2))

@@ -21,6 +21,7 @@ from peakmark.results import result_folder, write_json
 from peakmark.score import TOLERANCE_PX, owners
 
 FILM_WIDTH_PX = 1024
+FILM_FRAMES_PER_SECOND = 10
 
 
 def run(config: FloorConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> dict[str, Any]:
@@ -40,9 +41,8 @@ def run(config: FloorConfig, out: str | Path, on_step: Callable[[], None] = lamb
         on_step()
         tally, first = Tally(), None
         with ExitStack() as stack:
-            frames_per_second = 25.0 if config.frames < 3 else 10.0
             append = (
-                stack.enter_context(film(folder / "flight.mp4", frames_per_second, FILM_WIDTH_PX))
+                stack.enter_context(film(folder / "flight.mp4", FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX))
                 if config.frames > 1
                 else None
             )
