@@ -1,6 +1,5 @@
 """`peakmark marker`: sheets of markers and 3-bit arrays for print."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +9,7 @@ import typer
 from peakmark.errors import InputError
 from peakmark.marker import Polarity
 from peakmark.optimum import Limit
+from peakmark.results import result_folder, write_json
 from peakmark.sheet import Page, Print, Tile, array_tile, marker_tile, pages, paper_size
 from peakmark.sheet_files import write
 
@@ -42,11 +42,12 @@ def marker(
         raise InputError(f"limit: expected energy or range, got {limit!r}")
     tiles = sheet_tiles(kind, side_mm, "light" if light else "dark", limit, gap_mm, count)  # type: ignore[arg-type]
     laid_out = pages(tiles, paper_size(paper, landscape), border_mm, label)
-    stem = f"{kind if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"
-    paths = write(laid_out, out / stem, format, dpi)
-    (out / "result.json").write_text(json.dumps(result(laid_out, paths), indent=1) + "\n", encoding="utf-8")
+    name = f"{kind if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"
+    with result_folder(out) as folder:
+        files = [path.name for path in write(laid_out, folder / name, format, dpi)]
+        write_json(folder / "result.json", result(laid_out, files))
     if not quiet:
-        typer.echo("\n".join(str(path) for path in paths))
+        typer.echo("\n".join(str(out / file) for file in files))
 
 
 def sheet_tiles(
@@ -69,10 +70,10 @@ def sheet_tiles(
     return [array_tile(code, side_mm, gap_mm, limit) for code in codes[kind] for _ in range(count)]
 
 
-def result(laid_out: tuple[Page, ...], paths: tuple[Path, ...]) -> dict[str, Any]:
+def result(laid_out: tuple[Page, ...], files: list[str]) -> dict[str, Any]:
     """Return what was printed where, as written to result.json."""
     return {
-        "files": [path.name for path in paths],
+        "files": files,
         "page_mm": [laid_out[0].width_mm, laid_out[0].height_mm],
         "scale_bar_mm": laid_out[0].scale_bar_mm,
         "markers": [
