@@ -281,7 +281,8 @@ def own_row(faces, place, found, counts, alone, above, below, owners, depths, st
         tile = x // TILE
         owners[x] = alone[tile]
         if owners[x] == MIXED:
-            owners[x] = pixel_owner(faces.maps[place], faces, found[tile], counts[tile], above, below, x, depths, states)
+            maps, candidates_here = faces.maps[place], found[tile]
+            owners[x] = pixel_owner(maps, faces, candidates_here, counts[tile], above, below, x, depths, states)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -6,14 +6,23 @@ from numpy.typing import NDArray
 
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.surf_orientation import gaussian
-from peakmark.surf_window import PATCH_SIDE, average_areas, interleave_rows, sample_turned, sample_upright
+from peakmark.surf_window import (
+    PATCH_PITCH,
+    PATCH_SIDE,
+    average_areas,
+    interleave_rows,
+    make_buffers,
+    sample_turned,
+    sample_upright,
+)
 
 GRADIENTS = PATCH_SIDE - 1
 """Gradients a side: differences of neighbouring patch pixels."""
 CELL_SIGMA = 3.3
 
 U = np.uint64
-_WEIGHTS = np.outer(gaussian(GRADIENTS, CELL_SIGMA), gaussian(GRADIENTS, CELL_SIGMA))
+_WEIGHTS = np.zeros((GRADIENTS, PATCH_PITCH), dtype=np.float32)
+_WEIGHTS[:, :GRADIENTS] = np.outer(gaussian(GRADIENTS, CELL_SIGMA), gaussian(GRADIENTS, CELL_SIGMA))
 
 
 def window_side(size: NDArray[np.float32]) -> NDArray[np.int32]:
@@ -56,85 +65,80 @@ def _describe(pairs, shape, rows, xy, sides, angle, extended, upright, weights, 
     largest = 1
     for k in rows:
         largest = max(largest, sides[k])
-    pitch = (largest + 31) // 32 * 32
-    window = np.empty(largest * pitch, dtype=np.uint8)
-    patch = np.empty((PATCH_SIDE, PATCH_SIDE), dtype=np.int32)
-    sums = np.empty((8, GRADIENTS), dtype=np.float32)
+    buffers = make_buffers(largest)
+    lanes = U(weights.shape[1])
+    flat_pairs, flat_weights = pairs.reshape(-1), weights.reshape(-1)
+    sums = np.empty(8 * PATCH_PITCH, dtype=np.float32)
+    entries = 8 if extended else 4
     for k in rows:
-        side = sides[k]
-        pitch = (side + 31) // 32 * 32
         if upright:
-            sample_upright(pairs, shape, xy[k, 0], xy[k, 1], side, pitch, window)
+            sample_upright(flat_pairs, pairs.shape[1], shape, xy[k, 0], xy[k, 1], sides[k], buffers)
         else:
-            sample_turned(pairs, shape, xy[k, 0], xy[k, 1], angle[k], side, pitch, window)
-        average_areas(window, side, pitch, patch)
-        if extended:
-            _sum_by_sign(patch, weights, sums, descriptors[k])
-        else:
-            _sum_gradients(patch, weights, sums, descriptors[k])
-        _normalise(descriptors[k])
+            sample_turned(flat_pairs, pairs.shape[1], shape, xy[k, 0], xy[k, 1], angle[k], sides[k], buffers)
+        average_areas(sides[k], lanes, buffers)
+        for column in range(4):
+            sums[:] = 0
+            for j in range(5 * column, 5 * column + 5):
+                if extended:
+                    _add_by_sign(buffers.patch, U(j * PATCH_PITCH), flat_weights, sums, lanes)
+                else:
+                    _add_gradients(buffers.patch, U(j * PATCH_PITCH), flat_weights, sums, lanes)
+            _fold(sums, entries, column, descriptors, k)
+        _normalise(descriptors, k)
 
 
 @njit(cache=True, nogil=True)
-def _gradient(patch, weights, i, j):  # type: ignore[no-untyped-def]
-    """Weighted 2×2 gradient between patch pixels (i, j) and (i + 1, j + 1)."""
-    a, b, c, d = patch[i, j], patch[i, j + 1], patch[i + 1, j], patch[i + 1, j + 1]
-    return np.float32(b - a + d - c) * weights[i, j], np.float32(c - a + d - b) * weights[i, j]
+def _gradient(patch, place, weight):  # type: ignore[no-untyped-def]
+    """Weighted 2×2 gradient between a patch pixel and the one right of and below it."""
+    below, right = place + U(1), place + U(PATCH_PITCH)
+    a, b, c, d = patch[place], patch[right], patch[below], patch[right + U(1)]
+    return np.float32(np.int32(b - a + d - c)) * weight, np.float32(np.int32(c - a + d - b)) * weight
 
 
 @njit(cache=True, nogil=True)
-def _sum_gradients(patch, weights, sums, descriptor):  # type: ignore[no-untyped-def]
-    """Σdx, Σdy, Σ|dx|, Σ|dy| of each cell."""
-    for row in range(4):
-        sums[:4] = 0
-        for i in range(5 * row, 5 * row + 5):
-            for j in range(GRADIENTS):
-                dx, dy = _gradient(patch, weights, i, j)
-                sums[0, j] += dx
-                sums[1, j] += dy
-                sums[2, j] += abs(dx)
-                sums[3, j] += abs(dy)
-        _fold(sums, 4, descriptor[16 * row : 16 * row + 16])
+def _add_gradients(patch, place, weights, sums, n):  # type: ignore[no-untyped-def]
+    """Add dx, dy, |dx| and |dy| of a patch column to the sums of its rows."""
+    for i in range(n):
+        dx, dy = _gradient(patch, place + i, weights[place + i])
+        sums[i] += dx
+        sums[i + U(PATCH_PITCH)] += dy
+        sums[i + U(2 * PATCH_PITCH)] += abs(dx)
+        sums[i + U(3 * PATCH_PITCH)] += abs(dy)
 
 
 @njit(cache=True, nogil=True)
-def _sum_by_sign(patch, weights, sums, descriptor):  # type: ignore[no-untyped-def]
-    """Σdx and Σ|dx| where dy ≥ 0, then where dy < 0; Σdy and Σ|dy| where dx ≥ 0, then where dx < 0; of each cell."""
+def _add_by_sign(patch, place, weights, sums, n):  # type: ignore[no-untyped-def]
+    """Add dx and |dx| where dy ≥ 0, then where dy < 0; dy and |dy| where dx ≥ 0, then where dx < 0."""
     zero = np.float32(0.0)
+    for i in range(n):
+        dx, dy = _gradient(patch, place + i, weights[place + i])
+        down, right = dy >= 0, dx >= 0
+        sums[i] += dx if down else zero
+        sums[i + U(PATCH_PITCH)] += abs(dx) if down else zero
+        sums[i + U(2 * PATCH_PITCH)] += zero if down else dx
+        sums[i + U(3 * PATCH_PITCH)] += zero if down else abs(dx)
+        sums[i + U(4 * PATCH_PITCH)] += dy if right else zero
+        sums[i + U(5 * PATCH_PITCH)] += abs(dy) if right else zero
+        sums[i + U(6 * PATCH_PITCH)] += zero if right else dy
+        sums[i + U(7 * PATCH_PITCH)] += zero if right else abs(dy)
+
+
+@njit(cache=True, nogil=True)
+def _fold(sums, entries, column, descriptors, k):  # type: ignore[no-untyped-def]
+    """Add the five rows of each of a column's four cells; a descriptor has the cells row by row."""
     for row in range(4):
-        sums[:] = 0
-        for i in range(5 * row, 5 * row + 5):
-            for j in range(GRADIENTS):
-                dx, dy = _gradient(patch, weights, i, j)
-                down, right = dy >= 0, dx >= 0
-                sums[0, j] += dx if down else zero
-                sums[1, j] += abs(dx) if down else zero
-                sums[2, j] += zero if down else dx
-                sums[3, j] += zero if down else abs(dx)
-                sums[4, j] += dy if right else zero
-                sums[5, j] += abs(dy) if right else zero
-                sums[6, j] += zero if right else dy
-                sums[7, j] += zero if right else abs(dy)
-        _fold(sums, 8, descriptor[32 * row : 32 * row + 32])
-
-
-@njit(cache=True, nogil=True)
-def _fold(sums, entries, descriptor):  # type: ignore[no-untyped-def]
-    """Add the five columns of each of a row's four cells."""
-    for cell in range(4):
         for entry in range(entries):
-            total = np.float32(0.0)
-            for j in range(5 * cell, 5 * cell + 5):
-                total += sums[entry, j]
-            descriptor[cell * entries + entry] = total
+            at = U(entry * PATCH_PITCH + 5 * row)
+            total = sums[at] + sums[at + U(1)] + sums[at + U(2)] + sums[at + U(3)] + sums[at + U(4)]
+            descriptors[k, (4 * row + column) * entries + entry] = total
 
 
 @njit(cache=True, nogil=True)
-def _normalise(descriptor):  # type: ignore[no-untyped-def]
-    """Scale to unit length; zeros stay."""
+def _normalise(descriptors, k):  # type: ignore[no-untyped-def]
+    """Scale descriptor k to unit length; zeros stay."""
     energy = np.float64(0.0)
-    for value in descriptor:
-        energy += value * value
+    for entry in range(descriptors.shape[1]):
+        energy += descriptors[k, entry] * descriptors[k, entry]
     scale = np.float32(1.0 / (np.sqrt(energy) + np.float64(np.float32(1.1920929e-07))))
-    for k in range(descriptor.size):
-        descriptor[k] *= scale
+    for entry in range(descriptors.shape[1]):
+        descriptors[k, entry] *= scale

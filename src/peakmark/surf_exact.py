@@ -9,56 +9,102 @@ from numba import njit
 
 from peakmark.surf_layers import DXY_WEIGHT
 
+U = np.uint64
 _DXY = np.float32(DXY_WEIGHT)
 
 
-@njit(cache=True, nogil=True, inline="always")
-def box_sum(integral, y0, x0, y1, x1):  # type: ignore[no-untyped-def]
-    """Sum over the half-open box, from an integral image modulo 2^32."""
-    return np.int32(integral[y0, x0] + integral[y1, x1] - integral[y0, x1] - integral[y1, x0])
-
-
 @njit(cache=True, nogil=True)
-def exact_derivatives(integral, y, x, side):  # type: ignore[no-untyped-def]
-    """Dxx, Dyy and Dxy of the filter with its corner at (x, y), in OpenCV's arithmetic and order."""
+def exact_derivatives(sums, stride, corner, side):  # type: ignore[no-untyped-def]
+    """Dxx, Dyy and Dxy of the filter with its corner at sums[corner], in OpenCV's arithmetic and order.
+
+    Parameters
+    ----------
+    sums, stride : the integral image row by row, and the length of a row.
+    corner : place in `sums` of the filter's top-left corner.
+    side : side of the filter, px.
+    """
     third = side // 3
     low = (4 * side + 9) // 18
-    high = side - low
-    mean = np.float32(1.0) / np.float32(third * (high - low))
-    dxx = np.float64(0.0)
-    dyy = np.float64(0.0)
-    for k in range(3):
-        weight = np.float32(-2.0) * mean if k == 1 else mean
-        a, b = k * third, (k + 1) * third
-        dxx += np.float32(box_sum(integral, y + low, x + a, y + high, x + b)) * weight
-        dyy += np.float32(box_sum(integral, y + a, x + low, y + b, x + high)) * weight
+    mean = np.float32(1.0) / np.float32(third * (side - 2 * low))
+    dxx = _thirds(sums, corner + low * stride, (side - 2 * low) * stride, third, mean)
+    dyy = _thirds(sums, corner + low, side - 2 * low, third * stride, mean)
     near = (2 * side + 9) // 18
     far = side - near - third
     mean = np.float32(1.0) / np.float32(third * third)
+    rows = third * stride
     dxy = np.float64(0.0)
-    for a in (near, far):
-        for b in (near, far):
-            weight = mean if a == b else -mean
-            dxy += np.float32(box_sum(integral, y + a, x + b, y + a + third, x + b + third)) * weight
-    return np.float32(dxx), np.float32(dyy), np.float32(dxy)
+    dxy += _box_mean(sums, corner + near * stride + near, rows, third, mean)
+    dxy -= _box_mean(sums, corner + near * stride + far, rows, third, mean)
+    dxy -= _box_mean(sums, corner + far * stride + near, rows, third, mean)
+    dxy += _box_mean(sums, corner + far * stride + far, rows, third, mean)
+    return dxx, dyy, np.float32(dxy)
 
 
 @njit(cache=True, nogil=True)
-def exact_response(integral, y, x, side):  # type: ignore[no-untyped-def]
-    """Determinant of the Hessian, of the filter with its corner at (x, y)."""
-    dxx, dyy, dxy = exact_derivatives(integral, y, x, side)
+def _thirds(sums, corner, across, along, mean):  # type: ignore[no-untyped-def]
+    """First − 2 middle + last third of a box, as means; `across` and `along` are steps in `sums`."""
+    first = _box_mean(sums, corner, across, along, mean)
+    middle = _box_mean(sums, corner + along, across, along, np.float32(-2.0) * mean)
+    last = _box_mean(sums, corner + 2 * along, across, along, mean)
+    return np.float32(np.float64(first) + np.float64(middle) + np.float64(last))
+
+
+@njit(cache=True, nogil=True)
+def box_sum(sums, corner, down, right):  # type: ignore[no-untyped-def]
+    """Sum over the box from sums[corner] to sums[corner + down + right], modulo 2^32."""
+    a, b = sums[U(corner)], sums[U(corner + right)]
+    c, d = sums[U(corner + down)], sums[U(corner + down + right)]
+    return np.int32(a + d - b - c)
+
+
+@njit(cache=True, nogil=True)
+def _box_mean(sums, corner, down, right, one_by_area):  # type: ignore[no-untyped-def]
+    return np.float32(box_sum(sums, corner, down, right)) * one_by_area
+
+
+@njit(cache=True, nogil=True)
+def exact_response(sums, stride, corner, side):  # type: ignore[no-untyped-def]
+    """Determinant of the Hessian, see `exact_derivatives`."""
+    dxx, dyy, dxy = exact_derivatives(sums, stride, corner, side)
     return dxx * dyy - _DXY * dxy * dxy
 
 
 @njit(cache=True, nogil=True)
-def fill_exact_layer(integral, octave, index, i, j, values):  # type: ignore[no-untyped-def]
+def quick_response(sums, stride, corner, side):  # type: ignore[no-untyped-def]
+    """`exact_response` but for the last bits: each derivative is one integer before it is rounded."""
+    third = side // 3
+    low = (4 * side + 9) // 18
+    dxx = _sum_thirds(sums, corner + low * stride, (side - 2 * low) * stride, third)
+    dyy = _sum_thirds(sums, corner + low, side - 2 * low, third * stride)
+    near = (2 * side + 9) // 18
+    far = side - near - third
+    rows = third * stride
+    upper, lower = corner + near * stride, corner + far * stride
+    dxy = box_sum(sums, upper + near, rows, third) - box_sum(sums, upper + far, rows, third)
+    dxy += box_sum(sums, lower + far, rows, third) - box_sum(sums, lower + near, rows, third)
+    mean = np.float32(1.0 / (third * (side - 2 * low)))
+    mixed = np.float32(np.int32(dxy)) * np.float32(1.0 / (third * third))
+    return np.float32(dxx) * mean * (np.float32(dyy) * mean) - _DXY * mixed * mixed
+
+
+@njit(cache=True, nogil=True)
+def _sum_thirds(sums, corner, across, along):  # type: ignore[no-untyped-def]
+    """First − 2 middle + last third of a box: whole − 3 middle."""
+    middle = box_sum(sums, corner + along, across, along)
+    return np.int32(box_sum(sums, corner, across, 3 * along) - 3 * middle)
+
+
+@njit(cache=True, nogil=True)
+def fill_layer(sums, stride, octave, index, i, j, exactly, values):  # type: ignore[no-untyped-def]
     """Responses of a layer at the 3×3 grid places around (i, j)."""
-    step = 1 << octave
     offset, side = 4 + 3 * index, (9 + 6 * index) << octave
     for di in range(3):
         for dj in range(3):
-            y, x = (i + di - 1 - offset) * step, (j + dj - 1 - offset) * step
-            values[di, dj] = exact_response(integral, y, x, side)
+            corner = ((i + di - 1 - offset) * stride + j + dj - 1 - offset) << octave
+            if exactly:
+                values[di, dj] = exact_response(sums, stride, corner, side)
+            else:
+                values[di, dj] = quick_response(sums, stride, corner, side)
 
 
 @njit(cache=True, nogil=True)
@@ -74,10 +120,10 @@ def strongest_neighbour(cube):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def mask_accepts(mask, y, x, side):  # type: ignore[no-untyped-def]
+def mask_accepts(mask_sums, stride, corner, side):  # type: ignore[no-untyped-def]
     """OpenCV's rule: at least half of the filter square is inside the mask."""
-    covered = np.float32(box_sum(mask, y, x, y + side, x + side))
-    return covered * (np.float32(1.0) / np.float32(side * side)) >= np.float32(0.5)
+    share = _box_mean(mask_sums, corner, side * stride, side, np.float32(1.0) / np.float32(side * side))
+    return share >= np.float32(0.5)
 
 
 @njit(cache=True, nogil=True)

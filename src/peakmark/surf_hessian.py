@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.surf_exact import (
     exact_derivatives,
-    exact_response,
-    fill_exact_layer,
+    fill_layer,
     mask_accepts,
     newton_offset,
+    quick_response,
     strongest_neighbour,
 )
 from peakmark.surf_layers import DXY_WEIGHT, Layer
@@ -84,13 +84,14 @@ def _grid_blocks(shape: tuple[int, ...], octave: int) -> list[tuple[int, int, in
 
 
 @njit(cache=True, nogil=True)
-def _find_in_block(integral, mask, threshold, layers, octave, top, bottom, left, right):  # type: ignore[no-untyped-def]
+def _find_in_block(integral, mask_integral, threshold, layers, octave, top, bottom, left, right):  # type: ignore[no-untyped-def]
     """Records of the maxima at the grid rows top ≤ i < bottom and columns left ≤ j < right of one octave.
 
     Rows of all arrays are named by their place in the flat arrays, as unsigned integers: that spares the reference
     counts of slices and the test for negative indices, and lets the inner loops use vectors.
     """
-    sums = integral.reshape(-1)
+    sums, mask = integral.reshape(-1), mask_integral.reshape(-1)
+    cube = np.empty((3, 3, 3), dtype=np.float32)
     stride = integral.shape[1]
     rows, columns = (integral.shape[0] - 1) >> octave, (stride - 1) >> octave
     width = right - left + 2
@@ -98,8 +99,8 @@ def _find_in_block(integral, mask, threshold, layers, octave, top, bottom, left,
     highest = np.zeros(layers * width, dtype=np.float32)
     flags = np.zeros((width // 8 + 1) * 8, dtype=np.uint8)
     words = flags.view(np.uint64)
-    length = ((width + 6 * layers + 10) << octave) // 2 * 2 + 2
-    scratch = np.empty(13 * length, dtype=np.int32)
+    length = (width + 6 * layers + 11) << octave
+    scratch = np.zeros(8 * length, dtype=np.int32)
     slack = min(threshold, np.float32(2.0**-8))
     loose = threshold - threshold * _SLACK - slack
     records = np.empty((256, 7), dtype=np.float32)
@@ -147,11 +148,10 @@ def _find_in_block(integral, mask, threshold, layers, octave, top, bottom, left,
                         continue
                     if count == len(records):
                         records = _grown(records)
-                    if _settle(
-                        integral, mask, threshold, layers, octave, index, i0, first + c, ring, width, k + c,
-                        records[count],
-                    ):
-                        count += 1
+                    _cut_cube(ring, layers, width, index, i0, k + c, cube)
+                    count = _settle(
+                        sums, stride, mask, threshold, layers, octave, index, i0, first + c, cube, records, count
+                    )
     return records[:count].copy()
 
 
@@ -185,11 +185,14 @@ def _response_row(sums, stride, corner, index, octave, scratch, length, out, pla
         U(2 * length),
         wide,
     )
-    xx = _every(scratch, 0, 0, octave, 3, length)
-    yy_low = _every(scratch, 1, low % step, octave, 5, length)
-    yy_high = _every(scratch, 1, (side - low) % step, octave, 7, length)
-    xy_near = _every(scratch, 2, near % step, octave, 9, length)
-    xy_far = _every(scratch, 2, (side - near) % step, octave, 11, length)
+    xx = yy_low = yy_high = xy_near = xy_far = 0
+    if octave == 0:
+        yy_low = yy_high = length
+        xy_near = xy_far = 2 * length
+    else:
+        xx = _every(scratch, 0, step, 3 * length, n + side // step)
+        yy_low, yy_high = _both_phases(scratch, length, low % step, step, 4 * length, length, n + side // step)
+        xy_near, xy_far = _both_phases(scratch, 2 * length, near % step, step, 6 * length, length, n + side // step)
     mean = 1.0 / (third * (side - 2 * low))
     mixed_mean = 1.0 / (third * third)
     _determinants(
@@ -234,22 +237,20 @@ def _mixed_difference(sums, r1, r4, r5, r8, out, place, n):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _every(scratch, source, phase, octave, buffer, length):  # type: ignore[no-untyped-def]
-    """Gather every 2^octave-th element of a scratch row from `phase` on; returns where they lie side by side."""
-    place, n = source * length, length
-    for bit in range(octave):
-        n //= 2
-        target = (buffer + bit % 2) * length
-        _halve(scratch.view(np.int64), U(place // 2), U(32 * ((phase >> bit) & 1)), scratch, U(target), U(n))
-        place = target
+def _every(scratch, source, step, place, n):  # type: ignore[no-untyped-def]
+    """Copy every step-th element side by side, so that the loop over positions can use vectors; returns the place."""
+    for j in range(n):
+        scratch[U(place + j)] = scratch[U(source + j * step)]
     return place
 
 
 @njit(cache=True, nogil=True)
-def _halve(pairs, source, shift, out, place, n):  # type: ignore[no-untyped-def]
-    """The lower (shift 0) or upper (shift 32) of two neighbours, which is the first or second in memory."""
-    for x in range(n):
-        out[place + x] = np.int32(pairs[source + x] >> shift)
+def _both_phases(scratch, source, phase, step, place, length, n):  # type: ignore[no-untyped-def]
+    """`_every` from phase and from −phase on: the boxes of Dyy and Dxy lie symmetrically in the filter."""
+    mirrored = (step - phase) % step
+    left = _every(scratch, source + phase, step, place, n)
+    right = left if mirrored == phase else _every(scratch, source + mirrored, step, place + length, n)
+    return left, right
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -282,54 +283,61 @@ def _flag_peaks(values, v, highest, below, here, above, loose, slack, flags, n):
 
 
 @njit(cache=True, nogil=True)
-def _settle(integral, mask, threshold, layers, octave, index, i, j, ring, width, k, record):  # type: ignore[no-untyped-def]
-    """Write the record of a candidate, if it is a maximum in OpenCV's arithmetic."""
-    cube = np.empty((3, 3, 3), dtype=np.float32)
+def _cut_cube(ring, layers, width, index, i, k, cube):  # type: ignore[no-untyped-def]
+    """Copy the 3×3×3 neighbourhood of ring column k, as far as the ring holds its layers."""
+    for s in range(3):
+        m = index - 2 + s
+        if 0 <= m < layers:
+            for di in range(3):
+                row = (m * 3 + (i + di - 1) % 3) * width + k - 1
+                for dj in range(3):
+                    cube[s, di, dj] = ring[U(row + dj)]
+
+
+@njit(cache=True, nogil=True)
+def _settle(sums, stride, mask, threshold, layers, octave, index, i, j, cube, records, count):  # type: ignore[no-untyped-def]
+    """Write a candidate into records[count], if it is a maximum in OpenCV's arithmetic; returns the new count."""
     step = 1 << octave
     offset, side = 4 + 3 * index, (9 + 6 * index) << octave
-    y, x = (i - offset) * step, (j - offset) * step
-    dxx, dyy, dxy = exact_derivatives(integral, y, x, side)
+    corner = ((i - offset) * stride + j - offset) << octave
+    dxx, dyy, dxy = exact_derivatives(sums, stride, corner, side)
     response = dxx * dyy - _DXY * dxy * dxy
-    if not response > threshold or (mask.size and not mask_accepts(mask, y, x, side)):
-        return False
+    if not response > threshold or (mask.size and not mask_accepts(mask, stride, corner, side)):
+        return count
     doubt = _SLACK * (abs(dxx * dyy) + dxy * dxy)
-    for s in range(max(2 - index, 0), min(layers - index, 1) + 2):
-        for di in range(3):
-            row = ((index - 2 + s) * 3 + (i + di - 1) % 3) * width
-            for dj in range(3):
-                cube[s, di, dj] = ring[row + k + dj - 1]
-    cube[1, 1, 1] = response
-    for s in (0, 2):
-        outer = index + s - 1
+    for outer in (index - 1, index + 1):
         if outer == 0 or outer == layers + 1:
-            corner = 4 + 3 * outer
-            y_outer, x_outer = (i - corner) * step, (j - corner) * step
-            if exact_response(integral, y_outer, x_outer, (9 + 6 * outer) << octave) > response + doubt:
-                return False
-            fill_exact_layer(integral, octave, outer, i, j, cube[s])
+            corner = ((i - 4 - 3 * outer) * stride + j - 4 - 3 * outer) << octave
+            if quick_response(sums, stride, corner, (9 + 6 * outer) << octave) > response + doubt:
+                return count
+            fill_layer(sums, stride, octave, outer, i, j, False, cube[outer - index + 1])
+    cube[1, 1, 1] = response
     rival = strongest_neighbour(cube)
     if rival > response + doubt:
-        return False
+        return count
     if rival >= response - doubt:
         for s in range(3):
-            fill_exact_layer(integral, octave, index + s - 1, i, j, cube[s])
+            fill_layer(sums, stride, octave, index + s - 1, i, j, True, cube[s])
         if not response > strongest_neighbour(cube):
-            return False
+            return count
     ok, dx, dy, ds = newton_offset(cube)
     half = np.float32(side - 1) * np.float32(0.5)
-    record[0] = np.float32(x) + half + dx * np.float32(step)
-    record[1] = np.float32(y) + half + dy * np.float32(step)
+    record = records[count]
+    record[0] = np.float32((j - offset) * step) + half + dx * np.float32(step)
+    record[1] = np.float32((i - offset) * step) + half + dy * np.float32(step)
     record[2] = np.float32(side) + ds * np.float32(6 * step)
     record[3] = np.rint(record[2])
     record[4] = response
     record[5] = octave
     record[6] = np.sign(dxx + dyy)
-    return ok
+    return count + ok
 
 
 @njit(cache=True, nogil=True)
 def _grown(records):  # type: ignore[no-untyped-def]
     """Copy with twice the room."""
     more = np.empty((2 * len(records), records.shape[1]), dtype=records.dtype)
-    more[: len(records)] = records
+    for row in range(len(records)):  # a slice would do the same and take seconds to compile
+        for column in range(records.shape[1]):
+            more[row, column] = records[row, column]
     return more

@@ -17,6 +17,7 @@ NO_SAMPLE = -1.0
 U = np.uint64
 _GROUPS = 72
 """Groups of 5° that make a turn; a window spans twelve of them."""
+_TURN = _GROUPS + 12
 _CLOSE = np.float32(1 - 2.0**-12)
 """Windows within this factor of the strongest are summed again, in OpenCV's order."""
 
@@ -67,44 +68,54 @@ def measure_angles(
 def _measure_angles(integral, xy, size, offsets, weights, angles):  # type: ignore[no-untyped-def]
     samples = len(weights)
     sums = integral.reshape(-1)
+    places = np.empty((2, 2 * RADIUS + 1), dtype=np.int64)
     corners = np.empty(samples, dtype=np.int64)
     kept = np.empty(samples, dtype=np.float32)
-    boxes = np.empty((4, samples), dtype=np.int32)
+    boxes = np.empty(4 * samples, dtype=np.int32)
     dx, dy = np.empty(samples, dtype=np.float32), np.empty(samples, dtype=np.float32)
     degrees = np.empty(samples, dtype=np.int32)
-    work = np.empty((4, 2 * _GROUPS), dtype=np.float32)
+    work = np.empty(5 * _TURN, dtype=np.float32)
+    lengths = np.empty(_GROUPS, dtype=np.float32)
     for k in range(len(size)):
         s = size[k] * np.float32(1.2) / np.float32(9.0)
         half = np.int64(np.rint(np.float32(2.0) * s))
-        count = _place_samples(integral.shape, xy[k, 0], xy[k, 1], s, half, offsets, weights, corners, kept)
+        _place_lines(xy[k, 0], s, half, integral.shape[1], 1, places[0])
+        _place_lines(xy[k, 1], s, half, integral.shape[0], integral.shape[1], places[1])
+        count = _place_samples(places, offsets, weights, corners, kept)
         if count == 0:
             angles[k] = NO_SAMPLE
             continue
         _sum_boxes(sums, corners, count, half, half * integral.shape[1], boxes)
-        _haar_responses(boxes, kept, count, np.float32(1.0) / np.float32(2 * half * half), dx, dy, degrees)
-        sum_x, sum_y = _strongest_window(degrees, dx, dy, count, work)
+        _haar_responses(boxes, kept, U(count), np.float32(1.0) / np.float32(2 * half * half), dx, dy, degrees)
+        _bin_directions(degrees, dx, dy, count, work)
+        sum_x, sum_y = _strongest_window(degrees, dx, dy, count, work, lengths)
         angles[k] = fast_atan2(-sum_y, sum_x)
 
 
 @njit(cache=True, nogil=True)
-def _place_samples(shape, x, y, s, half, offsets, weights, corners, kept):  # type: ignore[no-untyped-def]
+def _place_lines(center, s, half, length, stride, places):  # type: ignore[no-untyped-def]
+    """First row or column, times the stride, of the Haar filters on each line of samples; −1 outside the image."""
+    reach = np.float32(2 * half - 1) / np.float32(2.0)
+    for k in range(2 * RADIUS + 1):
+        first = np.int64(np.rint(center + np.float32(k - RADIUS) * s - reach))
+        places[k] = first * stride if 0 <= first < length - 2 * half else -1
+
+
+@njit(cache=True, nogil=True)
+def _place_samples(places, offsets, weights, corners, kept):  # type: ignore[no-untyped-def]
     """Flat places of the top-left corners of the Haar filters inside the image, and their weights; their number."""
-    side = 2 * half
-    rows, columns = shape[0] - side, shape[1] - side
-    reach = np.float32(side - 1) / np.float32(2.0)
     count = 0
     for k in range(len(weights)):
-        left = np.int64(np.rint(x + np.float32(offsets[k, 0]) * s - reach))
-        top = np.int64(np.rint(y + np.float32(offsets[k, 1]) * s - reach))
-        corners[count] = top * shape[1] + left
-        kept[count] = weights[k]
-        count += (top >= 0) & (top < rows) & (left >= 0) & (left < columns)
+        column, row = places[0, U(offsets[k, 0] + RADIUS)], places[1, U(offsets[k, 1] + RADIUS)]
+        corners[U(count)] = row + column
+        kept[U(count)] = weights[k]
+        count += (row | column) >= 0
     return count
 
 
 @njit(cache=True, nogil=True)
 def _sum_boxes(sums, corners, count, half, half_rows, boxes):  # type: ignore[no-untyped-def]
-    """Sums of the west, east, north and south halves of the Haar filters."""
+    """Sums of the west, east, north and south halves of the Haar filters, one after the other."""
     for k in range(count):
         at = corners[k]
         a0, a1, a2 = sums[U(at)], sums[U(at + half)], sums[U(at + 2 * half)]
@@ -112,72 +123,80 @@ def _sum_boxes(sums, corners, count, half, half_rows, boxes):  # type: ignore[no
         m0, m2 = sums[U(at)], sums[U(at + 2 * half)]
         at += half_rows
         b0, b1, b2 = sums[U(at)], sums[U(at + half)], sums[U(at + 2 * half)]
-        boxes[0, k] = np.int32((b1 - b0) - (a1 - a0))
-        boxes[1, k] = np.int32((b2 - b1) - (a2 - a1))
-        boxes[2, k] = np.int32((m2 - m0) - (a2 - a0))
-        boxes[3, k] = np.int32((b2 - b0) - (m2 - m0))
+        boxes[U(k)] = np.int32((b1 - b0) - (a1 - a0))
+        boxes[U(k + count)] = np.int32((b2 - b1) - (a2 - a1))
+        boxes[U(k + 2 * count)] = np.int32((m2 - m0) - (a2 - a0))
+        boxes[U(k + 3 * count)] = np.int32((b2 - b0) - (m2 - m0))
 
 
 @njit(cache=True, nogil=True)
 def _haar_responses(boxes, weights, count, mean, dx, dy, degrees):  # type: ignore[no-untyped-def]
-    """Weighted Haar responses and their direction in whole degrees, each box mean rounded as OpenCV's."""
-    west, east, north, south = boxes[0], boxes[1], boxes[2], boxes[3]
+    """Weighted Haar responses and their direction in whole degrees 0…359, each box mean rounded as OpenCV's."""
+    east, north = count, count + count
+    south = north + count
     for k in range(count):
-        dx[k] = (np.float32(east[k]) * mean - np.float32(west[k]) * mean) * weights[k]
-        dy[k] = (np.float32(north[k]) * mean - np.float32(south[k]) * mean) * weights[k]
+        dx[k] = (np.float32(boxes[east + k]) * mean - np.float32(boxes[k]) * mean) * weights[k]
+        dy[k] = (np.float32(boxes[north + k]) * mean - np.float32(boxes[south + k]) * mean) * weights[k]
     for k in range(count):
-        degrees[k] = np.int32(np.rint(fast_atan2(dy[k], dx[k])))
+        degree = np.int32(np.rint(fast_atan2(dy[k], dx[k])))
+        degrees[k] = degree if degree < np.int32(360) else np.int32(0)
 
 
 @njit(cache=True, nogil=True)
-def _strongest_window(degrees, dx, dy, count, work):  # type: ignore[no-untyped-def]
+def _bin_directions(degrees, dx, dy, count, work):  # type: ignore[no-untyped-def]
+    """Sum the vectors by direction: x and y of the exact multiples of 5°, then x and y of the whole groups of 5°.
+
+    A turn begins six groups early and ends six late, so that windows need not wrap.
+    """
+    work[: 4 * _TURN] = 0
+    for k in range(count):
+        group = degrees[k] // np.int32(5)
+        rest = degrees[k] != 5 * group
+        place = U(group + 6 + 2 * _TURN * rest)
+        work[place] += dx[k]
+        work[place + U(_TURN)] += dy[k]
+    for part in range(4):
+        first = part * _TURN
+        for k in range(6):
+            work[first + k] = work[first + _GROUPS + k]
+            work[first + _GROUPS + 6 + k] = work[first + 6 + k]
+
+
+@njit(cache=True, nogil=True)
+def _strongest_window(degrees, dx, dy, count, work, lengths):  # type: ignore[no-untyped-def]
     """Sum of the vectors in the 60° window, tried every 5°, where that sum is longest.
 
-    Sums over groups of directions tell which windows can win; only those are summed vector by vector.
+    Sums over groups tell which windows can win; only those are summed vector by vector, in OpenCV's order.
     """
-    strengths = work[3]
-    highest = _window_strengths(degrees, dx, dy, count, work)
+    lengths[:] = 0
+    _add_window_lengths(work, U(0), lengths)
+    _add_window_lengths(work, U(_TURN), lengths)
+    highest = np.float32(0.0)
+    for window in range(_GROUPS):
+        highest = max(highest, lengths[window])
     best = best_x = best_y = np.float32(0.0)
     for window in range(_GROUPS):
-        if strengths[window] >= highest * _CLOSE:
-            sum_x, sum_y = _sum_window(degrees, dx, dy, count, 5 * window)
-            strength = sum_x * sum_x + sum_y * sum_y
-            if strength > best:
-                best, best_x, best_y = strength, sum_x, sum_y
+        if lengths[window] >= highest * _CLOSE:
+            sum_x, sum_y = _sum_window(degrees, dx, dy, count, np.int32(5 * window))
+            length = sum_x * sum_x + sum_y * sum_y
+            if length > best:
+                best, best_x, best_y = length, sum_x, sum_y
     return best_x, best_y
 
 
 @njit(cache=True, nogil=True)
-def _window_strengths(degrees, dx, dy, count, work):  # type: ignore[no-untyped-def]
-    """Squared length of every window's sum, into work[3], up to rounding; returns the largest.
-
-    The window around 5 m degrees holds the groups m − 6 … m + 5 without the direction 5 (m − 6) itself. Of a group's
-    two sums the first is for that exact multiple of 5°, the second for the four degrees after it.
-    """
-    bins_x, bins_y, lengths = work[0], work[1], work[3]
-    work[:2] = 0
-    for k in range(count):
-        degree = degrees[k] if degrees[k] < 360 else np.int32(0)
-        group = degree // np.int32(5)
-        place = U(2 * group + (degree != 5 * group))
-        bins_x[place] += dx[k]
-        bins_y[place] += dy[k]
-    lengths[:_GROUPS] = 0
-    for bins in (bins_x, bins_y):
-        running = np.float32(0.0)
-        for bin_ in range(2 * (_GROUPS - 6) + 1, 2 * _GROUPS):
-            running += bins[bin_]
-        for bin_ in range(2 * 6):
-            running += bins[bin_]
-        for window in range(_GROUPS):
-            lengths[window] += running * running
-            gone = 2 * ((window + _GROUPS - 6) % _GROUPS)
-            come = 2 * ((window + 6) % _GROUPS)
-            running += bins[come] + bins[come + 1] - bins[gone + 1] - bins[(gone + 2) % (2 * _GROUPS)]
-    highest = np.float32(0.0)
-    for window in range(_GROUPS):
-        highest = max(highest, lengths[window])
-    return highest
+def _add_window_lengths(work, exact, lengths):  # type: ignore[no-untyped-def]
+    """Add the squared sum over each window: twelve groups from six early on, without the first exact multiple of 5°."""
+    rest, pairs = exact + U(2 * _TURN), U(4 * _TURN)
+    for k in range(U(_TURN)):
+        work[rest + k] += work[exact + k]
+    for k in range(U(_TURN - 1)):
+        work[pairs + k] = work[rest + k] + work[rest + k + U(1)]
+    for k in range(U(_TURN - 3)):
+        work[pairs + k] += work[pairs + k + U(2)]
+    for k in range(U(_GROUPS)):
+        total = work[pairs + k] + work[pairs + k + U(4)] + work[pairs + k + U(8)] - work[exact + k]
+        lengths[k] += total * total
 
 
 @njit(cache=True, nogil=True)
@@ -185,7 +204,7 @@ def _sum_window(degrees, dx, dy, count, center):  # type: ignore[no-untyped-def]
     """Sum of the vectors less than 30° from the centre, in order."""
     sum_x = sum_y = np.float32(0.0)
     for k in range(count):
-        apart = abs(degrees[k] - center)
+        apart = abs(np.int32(degrees[k] - center))
         inside = (apart < 30) | (apart > 330)
         sum_x += dx[k] if inside else np.float32(0.0)
         sum_y += dy[k] if inside else np.float32(0.0)

@@ -1,153 +1,285 @@
 """Kernels that cut SURF's window out of an image and average it down to the 21×21 patch that is described."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from peakmark.parallel import bands, map_parallel, thread_count
+
 PATCH_SIDE = 21
 """Side of the patch, px."""
+PATCH_PITCH = 32
+"""Distance of the patch's columns in memory: PATCH_SIDE rounded up to whole vectors."""
 
 U = np.uint64
-_LANES = 24
-"""PATCH_SIDE rounded up to whole vectors."""
-_NEAR_HALF = np.float32(2.0**-9)
+_CHUNK = 4096
+"""Samples that are placed, loaded and interpolated together: they stay in the first cache."""
+_NEAR_HALF = np.float32(2.0**-11)
 """Averages this close to half a grey level are computed again in OpenCV's arithmetic, which decides the rounding."""
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def interleave_rows(gray: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """Each pixel with the one below it as (upper | lower << 8), row by row, the last row with itself.
+def padded_length(length: int, itemsize: int) -> int:
+    """Row length, in items, of an odd number of cache lines: rows of images 2^n wide would share few cache sets."""
+    lines = -(-length * itemsize // 64)
+    return (lines | 1) * 64 // itemsize
 
-    Two neighbouring entries are then the four pixels that bilinear sampling needs. (H · W + 1,), with a last zero.
+
+class Buffers(NamedTuple):
+    """Memory that one thread uses for one window after the other."""
+
+    starts: NDArray[np.float32]
+    """x, then y of the first sample of each row of the window."""
+    quads: NDArray[np.int32]
+    """Places of a few rows of samples in the image, later the four pixels there."""
+    window: NDArray[np.uint8]
+    """The window, rows `pitch_of(side)` apart."""
+    rows: NDArray[np.int32]
+    """Sum of the window's rows that fall into one row of the patch."""
+    columns: NDArray[np.int32]
+    """Those sums, column by column."""
+    patch: NDArray[np.int32]
+    """The patch, column by column."""
+
+
+@njit(cache=True, nogil=True)
+def pitch_of(side):  # type: ignore[no-untyped-def]
+    """Distance of the rows of a window in memory: its side rounded up to whole vectors."""
+    return (side + 15) // 16 * 16
+
+
+@njit(cache=True, nogil=True)
+def make_buffers(largest_side):  # type: ignore[no-untyped-def]
+    """Buffers for windows up to this side, px."""
+    pitch = pitch_of(max(largest_side, PATCH_SIDE))
+    return Buffers(
+        np.empty(2 * pitch, dtype=np.float32),
+        np.empty(_CHUNK + pitch, dtype=np.int32),
+        np.empty(pitch * pitch, dtype=np.uint8),
+        np.empty(pitch, dtype=np.int32),
+        np.zeros(pitch * PATCH_PITCH, dtype=np.int32),
+        np.zeros((PATCH_SIDE + 1) * PATCH_PITCH, dtype=np.int32),
+    )
+
+
+def interleave_rows(gray: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Each pixel of an (H, W) image with the one below it, as upper | lower << 8; below the last row, that row again.
+
+    Two neighbouring entries are then the four pixels that bilinear sampling needs. (H, padded W + 1), see
+    `padded_length`; entries beyond the image are undefined.
     """
-    height, width = gray.shape
-    flat = gray.reshape(-1)
-    pairs = np.empty(height * width + 1, dtype=np.uint16)
-    pairs[height * width] = 0
-    below = U(width)
-    for at in range(U((height - 1) * width)):
-        pairs[at] = np.uint16(flat[at]) | np.uint16(np.uint16(flat[at + below]) << np.uint16(8))
-    for at in range((height - 1) * width, height * width):
-        pairs[at] = np.uint16(flat[at]) * np.uint16(257)
+    pairs = np.empty((gray.shape[0], padded_length(gray.shape[1] + 1, 2)), dtype=np.uint16)
+    cuts = bands(gray.shape[0], thread_count())
+    map_parallel(lambda cut: _interleave_rows(gray, pairs, *cut), cuts)
     return pairs
 
 
 @njit(cache=True, nogil=True)
-def sample_turned(pairs, shape, x, y, angle_deg, side, pitch, window):  # type: ignore[no-untyped-def]
-    """Sample a window turned by the angle: bilinear and rounded; outside the image the nearest pixel.
+def _interleave_rows(gray, pairs, first, end):  # type: ignore[no-untyped-def]
+    for y in range(first, end):
+        upper, lower, row = gray[y], gray[min(y + 1, len(gray) - 1)], pairs[y]
+        for x in range(upper.size):
+            row[x] = np.uint16(upper[x]) | np.uint16(np.uint16(lower[x]) << np.uint16(8))
+        row[upper.size] = 0
+
+
+@njit(cache=True, nogil=True)
+def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):  # type: ignore[no-untyped-def]
+    """Sample a window turned by the angle: bilinear and rounded to 8 bits; outside the image the nearest pixel.
 
     Parameters
     ----------
-    pairs : result of `interleave_rows` for an image of this shape.
+    pairs, stride, shape : result of `interleave_rows`, flat; the length of its rows; (H, W) of the image.
     x, y, angle_deg : float32 centre, px, and direction, degrees.
-    side, pitch : side of the window, px, and distance of its rows in `window`, a multiple of 32 that is not smaller.
-    window : (≥ side · pitch,) uint8, written; entries beyond `side` in a row are left undefined.
+    side : side of the window, px.
+    buffers : its `window` is written; what lies between the rows is undefined.
     """
     angle = angle_deg * np.float32(np.pi / 180)
     sine, cosine = np.float32(-np.sin(angle)), np.float32(np.cos(angle))
+    # Distances from a pixel close to the window keep single precision fine: 1e-5 px and better.
+    span = np.float32(side) * (abs(sine) + abs(cosine)) * np.float32(0.5) + np.float32(2.0)
+    left, top = np.int64(np.floor(x - span)), np.int64(np.floor(y - span))
+    inside = left >= 0 and top >= 0 and x + span < shape[1] and y + span < shape[0]
+    starts, quads, window = buffers.starts, buffers.quads, buffers.window
+    _start_rows(x, y, sine, cosine, left, top, side, starts)
+    borders = (np.float32(-left), np.float32(-top), np.float32(shape[1] - 1 - left), np.float32(shape[0] - 1 - top))
+    stride32 = np.int32(stride)
+    pitch = pitch_of(side)
+    chunk = max(_CHUNK // pitch, 1)
+    for first in range(0, side, chunk):
+        end = min(first + chunk, side)
+        if inside:
+            _place_samples(starts, first, end, side, sine, cosine, stride32, quads)
+        else:
+            _place_border_samples(starts, first, end, side, sine, cosine, stride32, borders, quads)
+        _load_quads(pairs, U(top * stride + left), quads, U((end - first) * pitch))
+        if inside:
+            _interpolate(starts, first, end, side, sine, cosine, quads, window)
+        else:
+            _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, window)
+
+
+@njit(cache=True, nogil=True)
+def _start_rows(x, y, sine, cosine, left, top, side, starts):  # type: ignore[no-untyped-def]
+    """First sample of each row, relative to (left, top); OpenCV steps from row to row in single precision."""
     reach = -np.float32(side - 1) / np.float32(2.0)
     start_x = x + reach * cosine + reach * sine
     start_y = y - reach * sine + reach * cosine
-    # Distances from a pixel near the window keep single precision fine: 1e-5 px and better.
-    span = np.float32(side) * (abs(sine) + abs(cosine)) * np.float32(0.5) + np.float32(2.0)
-    origin_x, origin_y = np.int64(np.floor(x - span)), np.int64(np.floor(y - span))
-    start_x -= np.float32(origin_x)
-    start_y -= np.float32(origin_y)
-    places = np.empty(pitch, dtype=np.int32)
-    ax = np.empty(pitch, dtype=np.float32)
-    ay = np.empty(pitch, dtype=np.float32)
-    quads = np.zeros(pitch, dtype=np.uint32)
-    base = U(origin_y * shape[1] + origin_x)
     for i in range(side):
-        _place_row(start_x, start_y, cosine, sine, origin_x, origin_y, shape, places, ax, ay, U(pitch))
-        _load_quads(pairs, base, places, quads, U(side))
-        _interpolate(quads, ax, ay, window, U(i * pitch), U(pitch))
+        starts[i] = start_x - np.float32(left)
+        starts[side + i] = start_y - np.float32(top)
         start_x += sine
         start_y += cosine
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _place_row(start_x, start_y, cosine, sine, origin_x, origin_y, shape, places, ax, ay, n):  # type: ignore[no-untyped-def]
-    """Upper left pixels of a row of samples, relative to the origin's place, and the shares of their neighbours."""
-    width = np.int32(shape[1])
-    first_x, first_y = np.float32(-origin_x), np.float32(-origin_y)
-    last_x, last_y = np.float32(shape[1] - 1 - origin_x), np.float32(shape[0] - 1 - origin_y)
-    zero = np.float32(0.0)
-    for j in range(n):
-        x = start_x + np.float32(np.int32(j)) * cosine
-        y = start_y - np.float32(np.int32(j)) * sine
-        left, top = np.float32(np.int32(x)), np.float32(np.int32(y))
-        inside = (left >= first_x) & (left < last_x) & (top >= first_y) & (top < last_y)
-        nearest_x = min(max(np.rint(x), first_x), last_x)
-        nearest_y = min(max(np.rint(y), first_y), last_y)
-        ax[j] = x - left if inside else zero
-        ay[j] = y - top if inside else zero
-        column, row = left if inside else nearest_x, top if inside else nearest_y
-        places[j] = np.int32(np.int32(row) * width + np.int32(column))
-
-
-@njit(cache=True, nogil=True)
-def _load_quads(pairs, base, places, quads, n):  # type: ignore[no-untyped-def]
-    """The four pixels of each sample: upper left, lower left, upper right, lower right, from the lowest byte on."""
-    one = U(1)
-    for j in range(n):
-        at = base + U(places[j])
-        quads[j] = np.uint32(pairs[at]) | np.uint32(np.uint32(pairs[at + one]) << np.uint32(16))
+def _place_samples(starts, first, end, side, sine, cosine, stride, places):  # type: ignore[no-untyped-def]
+    """Place in the image of the upper left pixel of each sample, relative to the start's origin."""
+    pitch = U(pitch_of(side))
+    for i in range(first, end):
+        row = U(i - first) * pitch
+        start_x, start_y = starts[i], starts[side + i]
+        for j in range(pitch):
+            column = np.int32(start_x + np.float32(np.int32(j)) * cosine)
+            line = np.int32(start_y - np.float32(np.int32(j)) * sine)
+            places[row + j] = np.int32(line * stride + column)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _interpolate(quads, ax, ay, window, place, n):  # type: ignore[no-untyped-def]
-    byte = np.uint32(255)
-    for j in range(n):
-        quad = quads[j]
-        upper_left = np.float32(np.int32(quad & byte))
-        lower_left = np.float32(np.int32((quad >> np.uint32(8)) & byte))
-        upper_right = np.float32(np.int32((quad >> np.uint32(16)) & byte))
-        lower_right = np.float32(np.int32(quad >> np.uint32(24)))
-        upper = upper_left + ax[j] * (upper_right - upper_left)
-        lower = lower_left + ax[j] * (lower_right - lower_left)
-        window[place + j] = np.uint8(np.int32(np.rint(upper + ay[j] * (lower - upper))))
+def _place_border_samples(starts, first, end, side, sine, cosine, stride, borders, places):  # type: ignore[no-untyped-def]
+    """`_place_samples` where the window may leave the image: samples without four pixels take the nearest."""
+    first_x, first_y, last_x, last_y = borders
+    pitch = U(pitch_of(side))
+    for i in range(first, end):
+        row = U(i - first) * pitch
+        start_x, start_y = starts[i], starts[side + i]
+        for j in range(pitch):
+            x = start_x + np.float32(np.int32(j)) * cosine
+            y = start_y - np.float32(np.int32(j)) * sine
+            column, line = np.float32(np.int32(x)), np.float32(np.int32(y))
+            inside = (column >= first_x) & (column < last_x) & (line >= first_y) & (line < last_y)
+            column = column if inside else min(max(np.rint(x), first_x), last_x)
+            line = line if inside else min(max(np.rint(y), first_y), last_y)
+            places[row + j] = np.int32(np.int32(line) * stride + np.int32(column))
 
 
 @njit(cache=True, nogil=True)
-def sample_upright(pairs, shape, x, y, side, pitch, window):  # type: ignore[no-untyped-def]
+def _load_quads(pairs, base, quads, n):  # type: ignore[no-untyped-def]
+    """Replace places by pixels: upper left, lower left, upper right, lower right, from the lowest byte on."""
+    one, sixteen = U(1), np.uint32(16)
+    for j in range(n):
+        at = base + U(quads[j])
+        quads[j] = np.int32(np.uint32(pairs[at]) | (np.uint32(pairs[at + one]) << sixteen))
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _interpolate(starts, first, end, side, sine, cosine, quads, window):  # type: ignore[no-untyped-def]
+    """Bilinear interpolation of the samples in their quads."""
+    pitch = U(pitch_of(side))
+    for i in range(first, end):
+        row = U(i - first) * pitch
+        target = U(i) * pitch
+        start_x, start_y = starts[i], starts[side + i]
+        for j in range(pitch):
+            x = start_x + np.float32(np.int32(j)) * cosine
+            y = start_y - np.float32(np.int32(j)) * sine
+            x_share, y_share = x - np.float32(np.int32(x)), y - np.float32(np.int32(y))
+            window[target + j] = _bilinear(np.uint32(quads[row + j]), x_share, y_share)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, window):  # type: ignore[no-untyped-def]
+    """`_interpolate` where the window may leave the image."""
+    first_x, first_y, last_x, last_y = borders
+    zero = np.float32(0.0)
+    pitch = U(pitch_of(side))
+    for i in range(first, end):
+        row = U(i - first) * pitch
+        target = U(i) * pitch
+        start_x, start_y = starts[i], starts[side + i]
+        for j in range(pitch):
+            x = start_x + np.float32(np.int32(j)) * cosine
+            y = start_y - np.float32(np.int32(j)) * sine
+            column, line = np.float32(np.int32(x)), np.float32(np.int32(y))
+            inside = (column >= first_x) & (column < last_x) & (line >= first_y) & (line < last_y)
+            x_share, y_share = x - column if inside else zero, y - line if inside else zero
+            window[target + j] = _bilinear(np.uint32(quads[row + j]), x_share, y_share)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _bilinear(quad, x_share, y_share):  # type: ignore[no-untyped-def]
+    byte = np.uint32(255)
+    upper_left = np.float32(np.int32(quad & byte))
+    lower_left = np.float32(np.int32((quad >> np.uint32(8)) & byte))
+    upper_right = np.float32(np.int32((quad >> np.uint32(16)) & byte))
+    lower_right = np.float32(np.int32(quad >> np.uint32(24)))
+    upper = upper_left + x_share * (upper_right - upper_left)
+    lower = lower_left + x_share * (lower_right - lower_left)
+    return np.uint8(np.int32(np.rint(upper + y_share * (lower - upper))))
+
+
+@njit(cache=True, nogil=True)
+def sample_upright(pairs, stride, shape, x, y, side, buffers):  # type: ignore[no-untyped-def]
     """Copy a window turned by 270°, whole pixels, rows running up the image; outside the image the nearest pixel."""
     reach = -np.float32(side - 1) / np.float32(2.0)
     first_column = np.int64(np.rint(x + reach))
     last_row = np.int64(np.rint(y - reach))
-    for i in range(side):
-        column = min(max(first_column + i, 0), shape[1] - 1)
-        for j in range(side):
-            row = min(max(last_row - j, 0), shape[0] - 1)
-            window[i * pitch + j] = np.uint8(pairs[U(row * shape[1] + column)] & np.uint16(255))
+    pitch = pitch_of(side)
+    for j in range(side):
+        row = min(max(last_row - j, 0), shape[0] - 1) * stride
+        for i in range(side):
+            column = min(max(first_column + i, 0), shape[1] - 1)
+            buffers.window[U(i * pitch + j)] = np.uint8(pairs[U(row + column)] & np.uint16(255))
 
 
 @njit(cache=True, nogil=True)
-def average_areas(window, side, pitch, patch):  # type: ignore[no-untyped-def]
+def average_areas(side, lanes, buffers):  # type: ignore[no-untyped-def]
     """Average the window by area onto the patch, rounded to 8 bits: OpenCV's INTER_AREA.
 
-    Lengths are counted in 1 / 21 px, so that pixels are 21 and patch cells `side` units wide: all sums are exact.
+    Lengths are counted in 1 / 21 px, so that pixels are 21 and patch pixels `side` units wide: all sums are exact.
+    `lanes` is PATCH_PITCH, passed as a variable: loops of known length would be unrolled instead of vectorised.
     """
+    window, columns, patch = buffers.window, buffers.columns, buffers.patch
     if side < PATCH_SIDE:
-        _enlarge(window, side, pitch, patch)
+        _enlarge(window, side, patch)
         return
-    rows = np.empty(pitch, dtype=np.int32)
-    columns = np.empty(pitch * _LANES, dtype=np.int32)
-    totals = np.zeros(PATCH_SIDE * _LANES, dtype=np.int32)
+    _average_rows(window, side, buffers.rows, columns)
+    _average_columns(columns, side, lanes, patch)
+    if side == 2 * PATCH_SIDE:
+        _round_quarters(patch)
+        return
+    one_by_area = np.float32(1.0) / np.float32(side * side)
+    for j in range(PATCH_SIDE):
+        if _has_near_halves(patch, U(j * PATCH_PITCH), one_by_area, lanes):
+            _round_with_care(window, side, j, patch)
+        else:
+            _round(patch, U(j * PATCH_PITCH), one_by_area, lanes)
+
+
+@njit(cache=True, nogil=True)
+def _average_rows(window, side, rows, columns):  # type: ignore[no-untyped-def]
+    """Weighted sums of the window's rows, one for each row of the patch; written column by column."""
+    pitch = U(pitch_of(side))
     for i in range(PATCH_SIDE):
         start, end = i * side, (i + 1) * side
-        rows[:] = 0
+        rows[:pitch] = 0
         for y in range(start // PATCH_SIDE, (end + PATCH_SIDE - 1) // PATCH_SIDE):
-            weight = min(end, (y + 1) * PATCH_SIDE) - max(start, y * PATCH_SIDE)
-            _add_row(window, U(y * pitch), np.int32(weight), rows, U(0), U(pitch))
-        for x in range(side):
-            columns[U(x * _LANES + i)] = rows[x]
+            weight = np.int32(min(end, (y + 1) * PATCH_SIDE) - max(start, y * PATCH_SIDE))
+            _add_row(window, U(y) * pitch, weight, rows, U(0), pitch)
+        for x in range(U(side)):
+            columns[x * U(PATCH_PITCH) + U(i)] = rows[x]
+
+
+@njit(cache=True, nogil=True)
+def _average_columns(columns, side, lanes, patch):  # type: ignore[no-untyped-def]
+    """Weighted sums of those columns, one for each column of the patch."""
+    patch[:] = 0
     for j in range(PATCH_SIDE):
         start, end = j * side, (j + 1) * side
         for x in range(start // PATCH_SIDE, (end + PATCH_SIDE - 1) // PATCH_SIDE):
-            weight = min(end, (x + 1) * PATCH_SIDE) - max(start, x * PATCH_SIDE)
-            _add_row(columns, U(x * _LANES), np.int32(weight), totals, U(j * _LANES), U(_LANES))
-    _round_averages(window, side, pitch, totals, patch)
+            weight = np.int32(min(end, (x + 1) * PATCH_SIDE) - max(start, x * PATCH_SIDE))
+            _add_row(columns, U(x * PATCH_PITCH), weight, patch, U(j * PATCH_PITCH), lanes)
 
 
 @njit(cache=True, nogil=True)
@@ -157,34 +289,53 @@ def _add_row(values, source, weight, sums, place, n):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def _round_averages(window, side, pitch, totals, patch):  # type: ignore[no-untyped-def]
-    """Round totals (column by column, in 1 / 21² px) to grey levels as OpenCV does, halves included."""
-    one_by_area = np.float32(1.0) / np.float32(side * side)
-    for j in range(PATCH_SIDE):
-        for i in range(PATCH_SIDE):
-            total = totals[j * _LANES + i]
-            if side == 2 * PATCH_SIDE:
-                patch[i, j] = (total // np.int32(441) + 2) >> 2
-                continue
-            average = np.float32(total) * one_by_area
-            level = np.rint(average)
-            if abs(abs(average - level) - np.float32(0.5)) < _NEAR_HALF:
-                level = _average_like_opencv(window, side, pitch, i, j)
-            patch[i, j] = np.int32(level)
+def _round_quarters(patch):  # type: ignore[no-untyped-def]
+    """Round means of 2×2 pixels, halves up, as OpenCV does in this case."""
+    for k in range(patch.size):
+        patch[k] = (patch[k] // np.int32(PATCH_SIDE * PATCH_SIDE) + np.int32(2)) >> np.int32(2)
 
 
 @njit(cache=True, nogil=True)
-def _average_like_opencv(window, side, pitch, i, j):  # type: ignore[no-untyped-def]
+def _round(patch, place, one_by_area, n):  # type: ignore[no-untyped-def]
+    for i in range(n):
+        patch[place + i] = np.int32(np.rint(np.float32(patch[place + i]) * one_by_area))
+
+
+@njit(cache=True, nogil=True)
+def _has_near_halves(patch, place, one_by_area, n):  # type: ignore[no-untyped-def]
+    """Whether an average of a patch column is so close to half a level that its rounding is in doubt."""
+    doubts = np.int32(0)
+    for i in range(n):
+        average = np.float32(patch[place + i]) * one_by_area
+        doubts += np.int32(abs(average - np.floor(average) - np.float32(0.5)) < _NEAR_HALF)
+    return doubts > 0
+
+
+@njit(cache=True, nogil=True)
+def _round_with_care(window, side, j, patch):  # type: ignore[no-untyped-def]
+    """Round a patch column, averages near half a level as OpenCV's own sums would be."""
+    one_by_area = np.float32(1.0) / np.float32(side * side)
+    for i in range(PATCH_SIDE):
+        average = np.float32(patch[U(j * PATCH_PITCH + i)]) * one_by_area
+        if abs(average - np.floor(average) - np.float32(0.5)) < _NEAR_HALF:
+            average = _average_like_opencv(window, side, i, j)
+        patch[U(j * PATCH_PITCH + i)] = np.int32(np.rint(average))
+
+
+@njit(cache=True, nogil=True)
+def _average_like_opencv(window, side, i, j):  # type: ignore[no-untyped-def]
     """One patch pixel in single precision, the sums in OpenCV's order."""
+    pitch = pitch_of(side)
     whole = side % PATCH_SIDE == 0
+    one = np.float32(1.0)
     total = np.float32(0.0)
     for y in range(i * side // PATCH_SIDE, ((i + 1) * side + PATCH_SIDE - 1) // PATCH_SIDE):
         row = np.float32(0.0)
         for x in range(j * side // PATCH_SIDE, ((j + 1) * side + PATCH_SIDE - 1) // PATCH_SIDE):
-            row += np.float32(window[y * pitch + x]) * (np.float32(1.0) if whole else _share(x, j, side))
-        total += row * (np.float32(1.0) if whole else _share(y, i, side))
+            row += np.float32(window[y * pitch + x]) * (one if whole else _share(x, j, side))
+        total += row * (one if whole else _share(y, i, side))
     ratio = side // PATCH_SIDE
-    return np.rint(total * (np.float32(1.0) / np.float32(ratio * ratio)) if whole else total)
+    return total * (one / np.float32(ratio * ratio)) if whole else total
 
 
 @njit(cache=True, nogil=True)
@@ -195,8 +346,9 @@ def _share(x, cell, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _enlarge(window, side, pitch, patch):  # type: ignore[no-untyped-def]
+def _enlarge(window, side, patch):  # type: ignore[no-untyped-def]
     """OpenCV's INTER_AREA where the window is smaller than the patch: linear between neighbouring pixels."""
+    pitch = pitch_of(side)
     for i in range(PATCH_SIDE):
         y, b = _source_of(i, side)
         y1 = min(y + 1, side - 1)
@@ -205,7 +357,7 @@ def _enlarge(window, side, pitch, patch):  # type: ignore[no-untyped-def]
             x1 = min(x + 1, side - 1)
             upper = (1 - a) * window[y * pitch + x] + a * window[y * pitch + x1]
             lower = (1 - a) * window[y1 * pitch + x] + a * window[y1 * pitch + x1]
-            patch[i, j] = np.int32(np.rint((1 - b) * upper + b * lower))
+            patch[j * PATCH_PITCH + i] = np.int32(np.rint((1 - b) * upper + b * lower))
 
 
 @njit(cache=True, nogil=True)

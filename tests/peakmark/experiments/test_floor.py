@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import needs_gl
+from peaksim.rendering import Renderer
 from peaksim.scene_file import load_scene
 from PIL import Image
 
 from peakmark.errors import InputError
-from peakmark.experiments.floor import FloorConfig, look, open_scene
+from peakmark.experiments.floor import FloorConfig, fly, look, open_scene
 from peakmark.experiments.floor_results import run
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -118,9 +120,9 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
     assert drops[1.0][1] < 0.75 * drops[2.0][1]
 
 
-@pytest.mark.parametrize("renderer", ["exact", "gl"])
+@pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
-    small_scene: Path, tmp_path: Path, renderer: str
+    small_scene: Path, tmp_path: Path, renderer: Renderer
 ) -> None:
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         run(FloorConfig(str(small_scene), renderer=renderer, seed=seed), tmp_path / name)
@@ -148,6 +150,21 @@ def test_a_frame_of_a_flight_does_not_depend_on_the_others(small_scene: Path) ->
     alone = look(setup, config, 2, 0.5).frame.image
     look(setup, config, 0, 0.0)
     assert np.array_equal(look(setup, config, 2, 0.5).frame.image, alone)
+
+
+def resident_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
+def test_memory_is_flat_over_200_frames(small_scene: Path, renderer: Renderer) -> None:
+    config = FloorConfig(str(small_scene), renderer=renderer, frames=200)
+    after_50 = 0.0
+    for view in fly(load_scene(small_scene), config):
+        if view.index == 50:
+            after_50 = resident_mb()
+    assert resident_mb() - after_50 < 20
 
 
 def script(*arguments: str) -> subprocess.CompletedProcess[str]:
