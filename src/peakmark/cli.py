@@ -5,14 +5,13 @@ from typing import Annotated, Any, NoReturn
 
 from typer import Argument, Option, Typer
 
+from peakmark.cli_marker import marker
 from peakmark.command import run_command
 
 app = Typer(add_completion=False, no_args_is_help=True, help="Markers that SIFT and SURF cannot miss.")
 
 
-@app.callback()
-def _commands() -> None:
-    """Keep `detect` a subcommand, also as long as it is the only one."""
+app.command()(marker)
 
 
 @app.command()
