@@ -92,6 +92,23 @@ def surf_cells(polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[
     return dark if polarity == "dark" else 255 - dark
 
 
+def array_polarities(code: int) -> tuple[Polarity, Polarity, Polarity]:
+    """Return the polarities of a 3-bit array's markers, upper right, lower left and lower right.
+
+    The upper left is blank. The topmost marker carries the first (most significant) bit, the leftmost the
+    second and the remaining one the third (Section 4.2); a light marker (Laplacian +1) is a 1.
+
+    Raises
+    ------
+    InputError
+        If `code` is not an integer in 0…7.
+    """
+    if isinstance(code, bool) or code not in range(8):
+        raise InputError(f"code: expected an integer in 0…7, got {code!r}")
+    first, second, third = ("light" if int(code) >> bit & 1 else "dark" for bit in (2, 1, 0))
+    return first, second, third  # type: ignore[return-value]
+
+
 def surf_optimum(kernel_side: int = SURF_CELLS, limit: Limit = "energy") -> NDArray[np.float64]:
     """Return the optimal picture of SURF's determinant at one kernel side, dark centre, zero mean.
 
@@ -170,11 +187,11 @@ def _gaussian(sigma_px: float, side_px: int) -> NDArray[np.float64]:
 def disc_shares(radius_px: float, side_px: int) -> NDArray[np.float64]:
     """Return (side_px, side_px): the share of each pixel that a centred disc covers, exactly."""
     edges: NDArray[np.float64] = (np.arange(side_px + 1) - side_px / 2) / np.float64(radius_px)
-    area = _disc_quadrant(edges[None, :], edges[:, None]) * radius_px**2
+    area = disc_quadrant(edges[None, :], edges[:, None]) * radius_px**2
     return np.diff(np.diff(area, axis=0), axis=1)
 
 
-def _disc_quadrant(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def disc_quadrant(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the area of the unit disc left of x and below y, up to a function of x alone.
 
     It is ∫ clip(y, −s, s) dt over t in −1…x with s(t) = √(1 − t²); |t| = c is where s = |y|.

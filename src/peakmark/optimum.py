@@ -18,6 +18,7 @@ Limit = Literal["energy", "range"]
 
 _MAX_STEPS = 2000
 _GAP = 1e-9
+_STARTS = 16
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ def quadratic_optimum(filters: ArrayLike, form: ArrayLike, limit: Limit) -> Opti
         (k, k) symmetric M.
     limit
         "energy": the eigenvector of Fᵀ M F to the algebraically largest eigenvalue λ, bound λ (Section 3.2).
-        "range": see `_range_optimum`.
+        "range": globally optimal where Fᵀ M F has one positive eigenvalue, as every Hessian determinant with
+        a Dxy weight ≥ 0 has (see `_cone_optimum`); else the best of a local search, with an upper bound.
 
     Raises
     ------
@@ -71,12 +73,15 @@ def quadratic_optimum(filters: ArrayLike, form: ArrayLike, limit: Limit) -> Opti
     if F.ndim < 2 or M.shape != (len(F), len(F)) or not np.allclose(M, M.T):
         raise InputError(f"form: expected a symmetric matrix for {len(F)} filters, got shape {M.shape}")
     rows = F.reshape(len(F), -1)
-    x, eigenvalue, positives = _leading_eigenvector(rows, M)
-    if positives == 0:
+    values, vectors = eigenpictures(rows, M)
+    if not len(values):
         raise InputError("form: expected an operator that is positive somewhere, got one that never is")
     if limit == "energy":
-        return Optimum(x.reshape(F.shape[1:]), quadratic(x, rows, M), eigenvalue)
-    best = _range_optimum(rows, M, x, eigenvalue, positives)
+        best = Optimum(vectors[0], quadratic(vectors[0], rows, M), float(values[0]))
+    elif len(values) == 1:
+        best = _cone_optimum(rows, M, vectors[0])
+    else:
+        best = _vertex_search(rows, M, values, vectors)
     return Optimum(best.x.reshape(F.shape[1:]), best.value, best.bound)
 
 
@@ -86,62 +91,72 @@ def quadratic(x: NDArray[np.float64], filters: NDArray[np.float64], form: NDArra
     return float(z @ form @ z)
 
 
-def _leading_eigenvector(
-    rows: NDArray[np.float64], form: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float, int]:
-    """Return unit leading eigenvector (n,) and eigenvalue of Fᵀ M F, and how many eigenvalues are positive.
+def eigenpictures(
+    filters: NDArray[np.float64], form: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the positive eigenvalues (m,) of Fᵀ M F, falling, and unit eigenvectors (m, ...) as pictures.
 
     With Fᵀ = Q R the n×n problem shrinks to the k×k matrix R M Rᵀ, so any kernel side is cheap.
-    The sign is chosen so that the largest entry by magnitude is negative (a dark centre).
+    Signs are chosen so that the entry largest by magnitude is negative (a dark centre).
     """
-    Q, R = np.linalg.qr(rows.T)
+    Q, R = np.linalg.qr(filters.reshape(len(filters), -1).T)
     values, vectors = np.linalg.eigh(R @ form @ R.T)
-    x = Q @ vectors[:, -1]
-    x *= -np.sign(x[np.argmax(np.abs(x))])
-    tolerance = 1e-12 * float(np.abs(values).max(initial=0.0))
-    return x, float(values[-1]), int((values > tolerance).sum())
+    positive = np.flatnonzero(values > 1e-12 * np.abs(values).max(initial=0.0))[::-1]
+    pictures = (Q @ vectors[:, positive]).T
+    peaks = np.take_along_axis(pictures, np.abs(pictures).argmax(axis=1)[:, None], axis=1)
+    return values[positive], (-np.sign(peaks) * pictures).reshape(len(positive), *filters.shape[1:])
 
 
-def _range_optimum(
+def _cone_optimum(
+    rows: NDArray[np.float64], form: NDArray[np.float64], start: NDArray[np.float64]
+) -> Optimum:
+    """Return the global optimum over |xᵢ| ≤ 1 where A = Fᵀ M F has one positive eigenvalue, with its proof.
+
+    {q ≥ 0} is then a double Lorentz cone, and on it the reverse Cauchy–Schwarz inequality
+    (xᵀA y)² ≥ q(x) q(y) holds. Hence for every y in the cube q(y) ≤ (xᵀA y)² / q(x) ≤ ‖A x‖₁² / q(x): any x
+    in the cone bounds the optimum, and a picture with x = sign(A x) is proven globally optimal. √q is concave
+    in the cone, so where no binary picture meets the bound, a smooth ascent does.
+    """
+    x = _sign_iterated(rows, form, start)
+    if _cone_certified(x, rows, form).gap > _GAP:
+        x = _concave_ascent(x, rows, form)
+    return _cone_certified(x, rows, form)
+
+
+def _cone_certified(x: NDArray[np.float64], rows: NDArray[np.float64], form: NDArray[np.float64]) -> Optimum:
+    value = quadratic(x, rows, form)
+    return Optimum(x, value, float(np.abs(rows.T @ (form @ (rows @ x))).sum()) ** 2 / value)
+
+
+def _vertex_search(
     rows: NDArray[np.float64],
     form: NDArray[np.float64],
-    start: NDArray[np.float64],
-    eigenvalue: float,
-    positives: int,
+    values: NDArray[np.float64],
+    vectors: NDArray[np.float64],
 ) -> Optimum:
-    """Return the best x with |xᵢ| ≤ 1 found from `start`, with an upper bound.
+    """Return the best corner of the cube that x ← sign(A x) reaches from any of the leading eigenvectors.
 
-    If A = Fᵀ M F has one positive eigenvalue, {q ≥ 0} is a double Lorentz cone and on it the reverse
-    Cauchy–Schwarz inequality (xᵀA y)² ≥ q(x) q(y) holds. Hence for every y in the cube
-    q(y) ≤ (xᵀA y)² / q(x) ≤ ‖A x‖₁² / q(x): any x in the cone bounds the optimum, and a picture with
-    x = sign(A x) is proven globally optimal. √q is concave in the cone, so where no binary picture meets the
-    bound, a smooth ascent does. With more positive eigenvalues the bound is q(y) ≤ λ ‖y‖² ≤ λ n, and
-    x ← sign(A x) is a local search.
+    With several positive eigenvalues this is a local search (the problem is NP-hard). Two bounds hold:
+    q(y) ≤ λ ‖y‖² ≤ λ n, and q(y) ≤ Σ μ ‖Fᵀu‖₁² over M's positive eigenpairs (μ, u).
     """
+    found = [_sign_iterated(rows, form, start) for start in vectors[:_STARTS]]
+    x = max(found, key=lambda x: quadratic(x, rows, form))
+    weights, axes = np.linalg.eigh(form)
+    filterwise = float(np.maximum(weights, 0) @ np.abs(axes.T @ rows).sum(axis=1) ** 2)
+    return Optimum(x, quadratic(x, rows, form), min(float(values[0]) * x.size, filterwise))
+
+
+def _sign_iterated(
+    rows: NDArray[np.float64], form: NDArray[np.float64], start: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Follow x ← sign(A x) from a start, stretched to the range, while q rises."""
     x = start / np.abs(start).max()
     for _ in range(_MAX_STEPS):
         target = _sign(rows.T @ (form @ (rows @ x)))
         if quadratic(target, rows, form) <= quadratic(x, rows, form):
             break
         x = target
-    best = _certified(x, rows, form, eigenvalue, positives)
-    if positives > 1 or best.gap < _GAP:
-        return best
-    return _certified(_concave_ascent(x, rows, form), rows, form, eigenvalue, positives)
-
-
-def _certified(
-    x: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    form: NDArray[np.float64],
-    eigenvalue: float,
-    positives: int,
-) -> Optimum:
-    """Return `x` with its value and the bound that `_range_optimum` derives."""
-    value = quadratic(x, rows, form)
-    if positives > 1:
-        return Optimum(x, value, eigenvalue * x.size)
-    return Optimum(x, value, float(np.abs(rows.T @ (form @ (rows @ x))).sum()) ** 2 / value)
+    return np.asarray(x)
 
 
 def _concave_ascent(
@@ -170,7 +185,7 @@ def _concave_ascent(
 
 def _sign(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return −1, 0 or 1, with rounding noise counted as 0."""
-    return np.sign(np.where(np.abs(values) > 1e-9 * np.abs(values).max(), values, 0.0))
+    return np.asarray(np.sign(np.where(np.abs(values) > 1e-9 * np.abs(values).max(), values, 0.0)))
 
 
 def _finite(values: ArrayLike, name: str) -> NDArray[np.float64]:

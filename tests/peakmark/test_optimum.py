@@ -76,3 +76,10 @@ def test_convex_operator_reports_a_bound_it_may_not_meet():
 def test_unusable_operators_are_refused(filters, form):
     with pytest.raises(InputError, match="expected"):
         quadratic_optimum(filters, form, "energy")
+
+
+def test_laplacian_of_gaussian_is_matched_by_its_sign_under_range():
+    t = np.arange(-12, 13)
+    half_r2 = np.add.outer(t**2, t**2) / (2 * 3.0**2)
+    best = linear_optimum((half_r2 - 1) * np.exp(-half_r2), "range")
+    np.testing.assert_array_equal(best.x < 0, half_r2 < 1)
