@@ -9,7 +9,9 @@ Each feature is described by
   much blur that takes.
 
 A line in the plane of the first two, the oblique one that the paper's Section 5 asks for, makes the short list; a
-linear score of all four decides. `tools/fit_identification.py` makes the weights again.
+linear score of all four decides. Its weights are those of a logistic regression on 250 rendered views of the gravel
+floor (exposure 0.35…1.2, blur to 1.2 px, with and without markers), 60 drawn pictures of blobs and letters, and
+scikit-image's photographs camera, cell, gravel and page; no other floor or photograph had a part in it.
 """
 
 from dataclasses import dataclass, fields

@@ -38,7 +38,7 @@ def stretched(gray: NDArray[np.uint8], stretch: Stretch) -> NDArray[np.uint8]:
             return gray
         return np.asarray(cv2.resize(gray, (gray.shape[1], height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
     edges = _edges(factor)
-    rows = np.interp(np.arange(edges[-1]) + 0.5, edges, np.arange(len(edges))) - 0.5
+    rows = np.interp(np.arange(round(edges[-1])) + 0.5, edges, np.arange(len(edges))) - 0.5
     return _resampled(gray, np.clip(rows, 0, gray.shape[0] - 1))
 
 
@@ -67,17 +67,16 @@ def floor_stretch(camera: Camera, pitch_deg: float) -> NDArray[np.float64]:
     Width over height of a small square on the floor, in the column of the principal point; at most 4, and 1 above
     the horizon.
     """
-    rows = np.arange(camera.height)
-    below, above = (
-        camera.unproject(np.column_stack([np.full(camera.height, camera.cx), rows + step])) for step in (0.5, -0.5)
-    )
-    ray, slope = (below + above) / 2, below - above
+    places = np.column_stack([np.full(camera.height, camera.cx), np.arange(camera.height)])
     down = np.array([0, np.cos(np.radians(pitch_deg)), np.sin(np.radians(pitch_deg))])
-    sink = ray @ down / np.linalg.norm(ray, axis=1)
-    across = 1 / camera.fx / np.linalg.norm(ray, axis=1)
-    angle = np.linalg.norm(np.cross(ray, slope), axis=1) / np.square(np.linalg.norm(ray, axis=1))
+    below, above, right, left = (camera.unproject(places + step) for step in ([0, 0.5], [0, -0.5], [0.5, 0], [-0.5, 0]))
+    ray = (below + above) / 2
+    length = np.linalg.norm(ray, axis=1)
+    sink = ray @ down / length
+    high = np.linalg.norm(np.cross(ray, below - above), axis=1) / length
+    wide = np.linalg.norm(right - left, axis=1)
     with np.errstate(divide="ignore"):
-        stretch = angle / across / sink
+        stretch = high / wide / sink
     return np.where(sink > 0, np.clip(stretch, 1.0, LARGEST_OF_ROWS), 1.0)
 
 

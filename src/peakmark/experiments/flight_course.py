@@ -178,13 +178,13 @@ def identity_faults(records: Sequence[dict[str, Any]], ids: Sequence[NDArray[np.
     for record, of_frame in zip(records, ids, strict=True):
         in_view = {truth["name"] for truth in record["truth"]}
         track_of = {name: track for name, track in track_of.items() if name in in_view}
-        for row, track in zip(record["detections"], of_frame, strict=True):
+        for row, track in zip(record["detections"], of_frame.tolist(), strict=True):
             name = row["truth"]
             if name is None:
                 continue
             changes += track_of.get(name, track) != track
-            swaps += name_of.get(int(track), name) != name
-            track_of[name], name_of[int(track)] = int(track), name
+            swaps += name_of.get(track, name) != name
+            track_of[name], name_of[track] = track, name
     return changes, swaps
 
 
@@ -200,7 +200,8 @@ def trajectory_errors(
     truth, estimate
         n poses `world_from_camera` each.
     is_aligned
-        Whether the estimate is first moved as a whole to fit the truth best (Umeyama, without scale).
+        Whether the estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight way,
+        which leaves that open, is laid on the first pose).
 
     Raises
     ------
@@ -209,6 +210,7 @@ def trajectory_errors(
     """
     try:
         from evo.core import metrics
+        from evo.core.geometry import GeometryException
         from evo.core.trajectory import PoseTrajectory3D
     except ImportError as error:
         raise InputError("trajectory errors need evo: pip install 'peakmark[evo]'") from error
@@ -220,7 +222,10 @@ def trajectory_errors(
         for poses in (truth, estimate)
     )
     if is_aligned:
-        own.align(reference)
+        try:
+            own.align(reference)
+        except GeometryException:  # a straight way does not tell its roll
+            own.align_origin(reference)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     rpe = metrics.RPE(metrics.PoseRelation.translation_part)
     turn = metrics.RPE(metrics.PoseRelation.rotation_angle_deg)
