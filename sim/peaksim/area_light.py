@@ -1,7 +1,7 @@
 """Kernels: the multiplier of linear grey levels over pixels and pieces of pixels, with shadows from meshes.
 
-A multiplier is taken at the middle of a piece. Shadows are cut finely: of all faces that come near the way from the
-piece to the light, samples of the piece tell which share is lit.
+A multiplier is taken at the middle of a piece; where a mesh comes near the way from there to the light, samples of the
+piece tell which share is lit.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from peaksim.area_cut import FACE, ROW, SIZE
 from peaksim.faces import DEPTH, NORMAL
 from peaksim.kernel import kernel, part
-from peaksim.rays import hit, meets_box
+from peaksim.rays import STACK, meets_any
 from peaksim.scene import Light
 
 KIND, INTENSITY, VECTOR, REFERENCE, SHADOWS = 0, 1, 2, 5, 6
@@ -19,9 +19,8 @@ AMBIENT, DIRECTIONAL, POINT = 0, 1, 2
 _KINDS = {"ambient": AMBIENT, "directional": DIRECTIONAL, "point": POINT}
 _LIFT_M = 1e-5
 """Ways to the light start this much above a surface, so that it does not shade itself."""
-_SAMPLES = 24
-"""For each triangle of a piece's fan."""
-_MOST_LEAVES = 1024
+_FEW, _MANY = 16, 128
+"""Ways to a light for each triangle of a piece's fan: a few, and many where those are not of one mind."""
 
 
 def pack_lights(lights: tuple[Light, ...]) -> NDArray[np.float64]:
@@ -55,36 +54,8 @@ def towards(lights, light, place, ray):  # type: ignore[no-untyped-def]
 
 
 @part
-def leaves_near(boxes, links, origin, ray, radius, farthest, stack, leaves):  # type: ignore[no-untyped-def]
-    """List leaves of the tree that come within `radius` of a ray; return their number."""
-    n, top = 0, 1
-    stack[0] = 0
-    while top > 0:
-        top -= 1
-        node = stack[top]
-        if meets_box(boxes, node, origin, ray, radius, farthest):
-            if links[node, 1] == 0:
-                stack[top], stack[top + 1] = links[node, 0], links[node, 0] + 1
-                top += 2
-            elif n < leaves.size:
-                leaves[n] = node
-                n += 1
-    return n
-
-
-@part
-def is_blocked(links, solids, leaves, n, origin, ray, farthest):  # type: ignore[no-untyped-def]
-    """Return whether a face of n leaves lies on a ray."""
-    for k in range(n):
-        for face in range(links[leaves[k], 0], links[leaves[k], 0] + links[leaves[k], 1]):
-            if 0.0 < hit(solids, face, origin, ray) < farthest:
-                return True
-    return False
-
-
-@part
-def lit_share(planes, face, polygons, k, n, lift, lights, light, links, solids, leaves, n_leaves, place, ray):  # type: ignore[no-untyped-def]
-    """Return the share of polygon k that a light reaches past the faces of some leaves."""
+def lit_share(planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, place, ray, stack, samples):  # type: ignore[no-untyped-def]
+    """Return the share of polygon k that a light reaches past the meshes."""
     lit = whole = 0.0
     u0, v0 = polygons[k, 0, 0], polygons[k, 0, 1]
     for i in range(1, n - 1):
@@ -92,21 +63,24 @@ def lit_share(planes, face, polygons, k, n, lift, lights, light, links, solids, 
         u2, v2 = polygons[k, i + 1, 0] - u0, polygons[k, i + 1, 1] - v0
         weight = abs(u1 * v2 - u2 * v1)
         whole += weight
-        for sample in range(_SAMPLES):
-            a, b = (sample + 0.5) / _SAMPLES, (0.6180339887498949 * sample + 0.25) % 1.0
+        reached = 0
+        for sample in range(samples):
+            # an even sequence in the square (Roberts 2018), folded into the triangle
+            a, b = (0.5 + 0.7548776662466927 * sample) % 1.0, (0.5 + 0.5698402909980532 * sample) % 1.0
             if a + b > 1.0:
                 a, b = 1.0 - a, 1.0 - b
             place_on(planes, face, u0 + a * u1 + b * u2, v0 + a * v1 + b * v2, place)
             for axis in range(3):
                 place[axis] += lift[axis]
             _, farthest = towards(lights, light, place, ray)
-            if not is_blocked(links, solids, leaves, n_leaves, place, ray, farthest):
-                lit += weight / _SAMPLES
+            if not meets_any(boxes, links, solids, place, ray, 0.0, farthest, stack):
+                reached += 1
+        lit += weight * (reached / samples)
     return lit / whole if whole > 0.0 else 1.0
 
 
 @part
-def mean_light(planes, faces, face, polygons, k, n, eyes, pose, lights, boxes, links, solids, work, stack, leaves):  # type: ignore[no-untyped-def]
+def mean_light(planes, faces, face, polygons, k, n, eyes, pose, lights, boxes, links, solids, work, stack):  # type: ignore[no-untyped-def]
     """Return the mean multiplier over the n vertices of polygon k, in the coordinates of its face."""
     place, ray, lift, corner = work[0], work[1], work[2], work[3]
     u = v = radius = facing = total = 0.0
@@ -131,11 +105,15 @@ def mean_light(planes, faces, face, polygons, k, n, eyes, pose, lights, boxes, l
             if lights[light, KIND] == POINT:
                 strength *= (lights[light, REFERENCE] / length) ** 2
             if strength > 0.0 and lights[light, SHADOWS] > 0.0:
-                m = leaves_near(boxes, links, corner, ray, np.sqrt(radius) + 2.0 * _LIFT_M, farthest, stack, leaves)
-                if m > 0:
-                    strength *= lit_share(
-                        planes, face, polygons, k, n, lift, lights, light, links, solids, leaves, m, place, ray
-                    )
+                near, share = np.sqrt(radius) + 2.0 * _LIFT_M, 0.5
+                if meets_any(boxes, links, solids, corner, ray, near, farthest, stack):
+                    for samples in (_FEW, _MANY):
+                        if 0.0 < share < 1.0:
+                            share = lit_share(
+                                planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, place, ray,
+                                stack, samples,
+                            )  # fmt: skip
+                    strength *= share
         total += strength
     return total
 
@@ -157,18 +135,18 @@ def light_pieces(planes, faces, eyes, lights, boxes, links, solids, n, polygons,
     n, polygons, pieces, shares
         As in `cut_mixed`.
     """
-    work, stack, leaves = np.empty((4, 3)), np.empty(128, np.int64), np.empty(_MOST_LEAVES, np.int64)
+    work, stack = np.empty((4, 3)), np.empty(STACK, np.int64)
     for k in range(n):
         face, size, pose = pieces[k, FACE], pieces[k, SIZE], pieces[k, ROW] if eyes.shape[0] > 1 else 0
         shares[k] *= mean_light(
-            planes, faces, face, polygons, k, size, eyes, pose, lights, boxes, links, solids, work, stack, leaves
+            planes, faces, face, polygons, k, size, eyes, pose, lights, boxes, links, solids, work, stack
         )
 
 
 @kernel
 def light_owned(rays, sides, planes, faces, eyes, lights, boxes, links, solids, owners, out):  # type: ignore[no-untyped-def]
     """Multiply all pixels of a band that have an owner by the light on them; parameters as in `light_pieces`."""
-    work, stack, leaves = np.empty((4, 3)), np.empty(128, np.int64), np.empty(_MOST_LEAVES, np.int64)
+    work, stack = np.empty((4, 3)), np.empty(STACK, np.int64)
     polygon = np.empty((1, 4, 2))
     for y in range(owners.shape[0]):
         for x in range(owners.shape[1]):
@@ -185,7 +163,7 @@ def light_owned(rays, sides, planes, faces, eyes, lights, boxes, links, solids, 
                     polygon[0, corner, 1] = v / w
                 light = mean_light(
                     planes, faces, face, polygon, pose - pose, corner + 1, eyes, pose, lights, boxes, links, solids,
-                    work, stack, leaves,
+                    work, stack,
                 )  # fmt: skip
                 for channel in range(out.shape[2]):
                     out[y, x, channel] *= light

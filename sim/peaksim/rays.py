@@ -10,7 +10,8 @@ from peaksim.kernel import kernel, part
 from peaksim.scene import Scene
 
 _LEAF = 4
-_STACK = 128
+STACK = 128
+"""Boxes that wait while a tree is walked: more than any tree of 2⁶⁴ faces needs."""
 _TIE = 1e-9
 
 U, V, QUAD = 3, 6, 9
@@ -112,7 +113,7 @@ def nearest_face(boxes, links, faces, ids, origin, ray, stack):  # type: ignore[
     """Return (scene face, t) of what a ray sees first, (−1, inf) for nothing; of faces in one plane the later one."""
     best, best_t = -1, np.inf
     stack[0] = 0
-    top = 1
+    top = min(1, ids.size)
     while top > 0:
         top -= 1
         node = stack[top]
@@ -130,18 +131,38 @@ def nearest_face(boxes, links, faces, ids, origin, ray, stack):  # type: ignore[
     return best, best_t
 
 
+@part
+def meets_any(boxes, links, faces, origin, ray, radius, farthest, stack):  # type: ignore[no-untyped-def]
+    """Return whether a ray meets a face before `farthest`, or for a radius > 0 whether one may come that near."""
+    stack[0] = 0
+    top = min(1, faces.shape[0])
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        if not meets_box(boxes, node, origin, ray, radius, farthest):
+            continue
+        first = links[node, 0]
+        if links[node, 1] == 0:
+            stack[top], stack[top + 1] = first, first + 1
+            top += 2
+        elif radius > 0.0:
+            return True
+        for face in range(first, first + links[node, 1]):
+            if 0.0 < hit(faces, face, origin, ray) < farthest:
+                return True
+    return False
+
+
 @kernel
 def nearest_faces(boxes, links, faces, ids, origins, rays, found, parameters):  # type: ignore[no-untyped-def]
     """Write the first scene face of each of (n, 3) rays, −1 for none, and the ray parameters, inf for none.
 
     `origins` is (1, 3), or (n, 3) for rays from different places.
     """
-    stack = np.empty(_STACK, np.int64)
+    stack = np.empty(STACK, np.int64)
     for i in range(rays.shape[0]):
-        found[i], parameters[i] = -1, np.inf
-        if ids.size > 0:
-            origin = origins[i if origins.shape[0] > 1 else 0]
-            found[i], parameters[i] = nearest_face(boxes, links, faces, ids, origin, rays[i], stack)
+        origin = origins[i if origins.shape[0] > 1 else 0]
+        found[i], parameters[i] = nearest_face(boxes, links, faces, ids, origin, rays[i], stack)
 
 
 def first_faces(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from peaksim import Camera, Light, Mesh, Quad, Scene, Texture
+from peaksim import Camera, Quad, Scene, Texture
 from peaksim.area_integral import integrate
 from peaksim.pose import compose, rotation_about
 
@@ -98,32 +98,9 @@ def test_bytes_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None
     assert os.environ["PEAKSIM_THREADS"] == "5"
 
 
-def test_a_mesh_throws_its_shadow_by_area() -> None:
-    corners = np.array([[-0.1, -0.1, 0.5], [0.1, -0.1, 0.5], [0.1, 0.1, 0.5], [-0.1, 0.1, 0.5]])
-    roof = Mesh("roof", corners + np.array([0.25, 0, 0]), np.array([[0, 1, 2], [0, 2, 3]]))
-    lights = (Light("ambient", 0.25), Light("directional", 0.5, direction=(-0.5, 0, -1)))
-    scene = Scene((plain("floor", 200, 2.0, lying()),), (roof,), lights)
-    picture = integrate(scene, CAMERA, ABOVE[None])[:, :, 0]
-    lit = 200 * (0.25 + 0.5 / np.hypot(0.5, 1))
-    # the roof at height 0.5 is thrown 0.25 m to the left: under the camera, ± 0.1 m is ± 4 px
-    assert picture[24, 24] == pytest.approx(50, abs=1e-3)
-    assert picture[2, 2] == pytest.approx(lit, rel=1e-5)
-    shadow = (lit - picture[12:36, 12:28]).sum() / (lit - 50)
-    assert shadow == pytest.approx(64, rel=0.02)
-
-
-def test_a_point_light_falls_off_with_distance_and_angle() -> None:
-    light = Light("point", 1.0, position_m=(0, 0, 2), reference_m=2)
-    scene = Scene((plain("floor", 100, 2.0, lying()),), lights=(light,))
-    picture = integrate(scene, CAMERA, ABOVE[None])[:, :, 0]
-    x = (np.arange(48) - 23.5) / 40
-    r2 = x**2 + x[:, None] ** 2 + 4
-    assert np.allclose(picture, 100 * (2 / np.sqrt(r2)) * 4 / r2, atol=0.01)
-
-
 def test_distortion_bends_what_the_camera_sees() -> None:
     camera = Camera(96, 72, 80.0, 80.0, 47.5, 35.5, (-0.2, 0.05, 0.001, -0.002, 0.0))
     view = random_view(5, 96, 72)
-    reference = area_integral(view.scene, camera, view.pose, 32)
+    reference = area_integral(view.scene, camera, view.pose, 16)  # inverting the lens for each sample takes long
     error = np.rint(integrate(view.scene, camera, view.pose[None])) - reference
     assert np.sqrt((error**2).mean()) < 0.7
