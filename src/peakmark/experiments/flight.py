@@ -163,7 +163,7 @@ def photograph(flight: Flight, index: int) -> Frame:
     scene, renderer = flight.setup.scene, flight.config.renderer
     if renderer == "auto" and not scene.meshes:
         renderer = "exact"
-    frame = render(scene, flight.ride.camera, flight.ride.trajectory.at(time_s), renderer=renderer, time_s=time_s)
+    frame = render(scene, flight.ride.camera, flight.ride.trajectory, renderer=renderer, time_s=time_s)
     noise = np.random.default_rng((flight.config.seed, index))
     return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
 
@@ -171,7 +171,13 @@ def photograph(flight: Flight, index: int) -> Frame:
 def _truth_record(truth: MarkerTruth) -> dict[str, Any]:
     record = asdict(truth)
     del record["kind"]
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in record.items()}
+    return {name: _plain(value) for name, value in record.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _detection_record(detection: Detection, found: Identification, score: Score) -> dict[str, Any]:
