@@ -3,22 +3,24 @@
 import cv2
 import numpy as np
 import pytest
+from compiled import callable_part
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from samples import speckled
 
-from peakmark import surf_plain
+from peakmark import surf_plain, surf_window
 from peakmark.parallel import threads
 from peakmark.surf_window import (
     PATCH_PITCH,
     PATCH_SIDE,
-    average_areas,
     interleave_rows,
-    make_buffers,
-    pitch_of,
-    sample_turned,
-    sample_upright,
 )
+
+make_buffers = callable_part(surf_window.make_buffers)
+pitch_of = surf_window.pitch_of.py_func
+sample_turned = callable_part(surf_window.sample_turned)
+sample_upright = callable_part(surf_window.sample_upright)
+average_areas = callable_part(surf_window.average_areas)
 
 GRAY = speckled(90, 120, 2)
 
