@@ -51,10 +51,11 @@ def _truths_on(
     distances = np.linalg.norm(eye - centers, axis=1)
     cosines = (eye - centers) @ quad.world_from_quad[:3, 2] / distances
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    hiding = np.delete(faces, number, axis=0)
+    hidden = [cosine <= 0 or _is_outside(camera, *c) for cosine, *c in zip(cosines, in_camera, corners_xy, strict=True)]
+    hiding = np.delete(faces, number, axis=0)[: 0 if all(hidden) else None]
     hiding = hiding[may_hide(eye, quad.corners_m, hiding)]
     for k, mark in enumerate(quad.marks):
-        if cosines[k] <= 0 or _is_outside(camera, in_camera[k], corners_xy[k]):
+        if hidden[k]:
             share = 0.0
         elif _is_inside(camera, corners_xy[k]) and not may_hide(eye, corners[k], hiding).any():
             share = 1.0
@@ -136,9 +137,7 @@ def polygon_area(corners_xy: NDArray[np.float64]) -> float:
     return float((x * next_y - next_x * y).sum() / 2)
 
 
-def visible_fraction(
-    camera: Camera, pose: Pose, solids: "Solids", number: int, corners: NDArray[np.float64]
-) -> float:
+def visible_fraction(camera: Camera, pose: Pose, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
     """Return the share of a rectangle's image area that is inside the picture and in front of all else.
 
     The rectangle is sampled evenly; each sample counts by the image area that it stands for.
