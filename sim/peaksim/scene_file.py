@@ -96,10 +96,17 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
     )  # fmt: skip
     scene_build.check_camera(table.trajectory, table.room)
     camera = scene_build.camera(table.camera)
-    return Setup(scene, camera, scene_build.trajectory(table.trajectory), _sensor(table.sensor))
+    return Setup(scene, camera, scene_build.trajectory(table.trajectory), build_sensor(table.sensor))
 
 
-def _sensor(settings: Mapping[str, Any]) -> Sensor:
+def build_sensor(settings: Mapping[str, Any]) -> Sensor:
+    """Return the sensor of a `[sensor]` table.
+
+    Raises
+    ------
+    SceneError
+        For an unknown field, or one out of its range.
+    """
     known = list(Sensor.__dataclass_fields__)
     for name in settings:
         if name not in known:
