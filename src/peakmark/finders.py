@@ -2,7 +2,8 @@
 
 | name | what it finds |
 |---|---|
-| markers | SURF markers, light and dark, by our identification |
+| markers | SURF markers, light and dark, by `peakmark.identify` |
+| cave-markers | the same by the classifier of the CAVE, for dense posters |
 | aruco, aruco:DICT_… | ArUco tags of OpenCV, 4×4 with 50 codes or another dictionary |
 | apriltag | AprilTag 36h11, by OpenCV |
 | surf, surf-paper, surf-opencv, sift | key points, see `peakmark.detectors` |
@@ -15,9 +16,9 @@ The last three run in a process that is stopped when it takes longer than the ti
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from peakmark.errors import InputError
 from peakmark.finder_protocol import Found
 from peakmark.identification import Detection
 from peakmark.keypoints import Keypoints
+from peakmark.marker import Polarity
 
 Finder = Callable[[NDArray[np.uint8]], Found]
 """Takes a (H, W) uint8 image. Raises FinderFailure where the fault is the finder's and the next image may go well."""
@@ -88,28 +90,34 @@ def built_in(settings: FinderSettings) -> Finder:
     name, _, dictionary = settings.name.partition(":")
     if name == "markers":
         return partial(_find_markers, settings.stretch, settings.parameters)
+    if name == "cave-markers":
+        if settings.parameters:
+            raise InputError(f"detector cave-markers: expected no parameters, got {', '.join(settings.parameters)}")
+        return _find_both
     if name in TAGS:
         return _tag_finder(dictionary or TAGS[name])
     if name in NAMES:
         detector = find_detector(name)
         return lambda image: Found(strongest_first(detector(image, **settings.parameters)), None)
-    known = ", ".join(("markers", *TAGS, *NAMES, "cv2.NAME_create", "module:function"))
+    known = ", ".join(("markers", "cave-markers", *TAGS, *NAMES, "cv2.NAME_create", "module:function"))
     raise InputError(f"detector: expected one of {known} or exec:PROGRAM, got {name!r}")
 
 
 def _find_markers(stretch: float, parameters: dict[str, Any], image: NDArray[np.uint8]) -> Found:
     """Find light and dark markers among the features of one stretched image."""
-    from peakmark import surf
-
-    tall = identification.stretched(image, stretch)
-    features = identification.unstretched(
-        surf.detect_and_describe(tall, **{"threshold": identification.LOW_THRESHOLD, **parameters}),
-        tall.shape[0] / image.shape[0],
-    )
-    both = [d for polarity in ("dark", "light") for d in identification.examine(features, polarity).detections]  # type: ignore[arg-type]
+    features = identification.stretched_features(image, stretch, **parameters)
+    both = [d for polarity in get_args(Polarity)
+            for d in identification.examine(image, features, polarity, stretch=stretch).detections]  # fmt: skip
     ordered = sorted(both, key=lambda detection: -detection.response)
-    return Found(features, tuple(Detection(i, d.xy, d.size, d.polarity, d.response, d.signature_distance, d.rank)
-                                 for i, d in enumerate(ordered)))  # fmt: skip
+    return Found(features, tuple(replace(detection, id=i) for i, detection in enumerate(ordered)))
+
+
+def _find_both(image: NDArray[np.uint8]) -> Found:
+    """Find light and dark markers by the classifier of the CAVE."""
+    from peakmark.identification_both import identify_both
+
+    both = identify_both(image)
+    return Found(both.features, both.detections)
 
 
 def _tag_finder(dictionary: str) -> Finder:

@@ -81,7 +81,7 @@ def test_a_fault_costs_one_image_and_no_more(function: str, words: str) -> None:
 def test_what_is_no_result_is_an_error() -> None:
     with (
         run_process("user_finders:wrong_type", {}, 10, 30) as find,
-        pytest.raises(FinderFailure, match="error: InputError: .*expected Keypoints.*got dict"),
+        pytest.raises(FinderFailure, match=r"error: InputError: .*expected Keypoints.*got dict"),
     ):
         find(SPOT)
 

@@ -7,7 +7,7 @@ import numpy as np
 from peaksim.corpus.coco import MOST_MARKERS
 from peaksim.corpus.plan import MOST_ATTEMPTS, corpus_cameras, plan_frame, read_scene
 from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
-from peaksim.corpus.vary import all_markers, markers_needed
+from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import SceneError
 from peaksim.scene_build import facing
 from peaksim.scene_file import build_setup
@@ -48,10 +48,11 @@ def _probes(table: SceneTable, spec: CorpusSpec) -> tuple[MarkerTable, ...]:
 
 def _check_scene(spec: CorpusSpec, table: SceneTable) -> None:
     markers = all_markers(table)
-    if len(markers) >= MOST_MARKERS:
-        raise SceneError(f"markers: expected fewer than {MOST_MARKERS}, got {len(markers)}")
-    if (needed := markers_needed(spec)) > len(markers):
-        raise SceneError(f"views: expected a scene with at least {needed} markers, this one has {len(markers)}")
+    count = len(markers) + len(poster_kinds(table))
+    if count >= MOST_MARKERS:
+        raise SceneError(f"markers: expected fewer than {MOST_MARKERS}, got {count}")
+    if (needed := markers_needed(spec)) > count:
+        raise SceneError(f"views: expected a scene with at least {needed} markers, this one has {count}")
     for i, view in enumerate(spec.views):
         if isinstance(view, RandomView) and table.room is not None:
             _check_eyes(view, table.room, f"views[{i}].eye_m")

@@ -13,7 +13,7 @@ from peaksim.corpus.layout import CONFIGURATION, FORMAT
 from peaksim.corpus.plan import read_scene
 from peaksim.corpus.spec import CorpusSpec, FlightView, spec_from_json, spec_to_json
 from peaksim.corpus.store import Store
-from peaksim.corpus.vary import all_markers
+from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
 
 _PACKAGES = ("peakmark", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "pillow", "pyarrow", "PyOpenGL",
@@ -54,8 +54,8 @@ class Configuration:
 def configure(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
     """Return the configuration of a new corpus; `folder` is where the specification's files are."""
     scenes = [read_scene(choice.file, folder) for choice in spec.scenes]
-    drawn = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
-    kinds = tuple(sorted(drawn))
+    single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
+    kinds = tuple(sorted(single.union(*(poster_kinds(table) for table, _ in scenes))))
     files = dict(sorted(_input_files(spec, folder, kinds)))
     inputs = {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
     return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions())

@@ -64,6 +64,12 @@ def all_markers(table: SceneTable) -> tuple[MarkerTable, ...]:
     return (*table.markers, *on_paths)
 
 
+def poster_kinds(table: SceneTable) -> list[str]:
+    """Return the kind of every marker on a scene's posters, which stay as the scene has them."""
+    return [poster.kinds[letter] for poster in table.posters for row in poster.rows for letter in row
+            if letter in poster.kinds for _ in range(poster.copies[0] * poster.copies[1])]  # fmt: skip
+
+
 def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in values)
     return x, y, z

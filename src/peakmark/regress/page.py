@@ -125,7 +125,8 @@ def _pair(comparison: Comparison, pictures: Path, frame: int) -> Iterator[Pictur
     image = np.asarray(Image.open(file).convert("L"))
     records = (comparison.before, comparison.after)
     results = [next(r for r in record.results if r.frame == frame) for record in records]
-    note = "" if results[0].picture == results[1].picture else " (on the run's picture; the baseline's had other pixels)"
+    same = results[0].picture == results[1].picture
+    note = "" if same else " (on the run's picture; the baseline's had other pixels)"
     for result, when in zip(results, (f"before{note}", "after"), strict=True):
         drawn = draw_result(image, result)
         caption = f"Frame {frame}, {when}: {summary(result)}"

@@ -69,7 +69,7 @@ def test_a_task_that_kills_every_worker_stops_the_run() -> None:
 
 
 def test_bad_input_in_a_worker_is_bad_input_here() -> None:
-    with pytest.raises(InputError, match="^no 4$"):
+    with pytest.raises(InputError, match=r"^no 4$"):
         list(processes(1).run(refuse, [4]))
 
 
@@ -112,10 +112,11 @@ class Cluster:
                            "--local-directory", str(self.folder), *options)  # fmt: skip
 
     def _start(self, *command: str) -> subprocess.Popen[bytes]:
-        log = open(self.folder / "log.txt", "ab")
         environment = child_environment()
         environment["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent)
-        process = subprocess.Popen([sys.executable, "-m", "dask", *command], stdout=log, stderr=log, env=environment)
+        with (self.folder / "log.txt").open("ab") as log:
+            arguments = [sys.executable, "-m", "dask", *command]
+            process = subprocess.Popen(arguments, stdout=log, stderr=log, env=environment)
         self.processes.append(process)
         return process
 
@@ -162,7 +163,7 @@ def test_workers_of_several_threads_are_refused(cluster: Cluster) -> None:
 
 def test_bad_input_on_a_dask_worker_is_bad_input_here(cluster: Cluster) -> None:
     cluster.add_worker("--nthreads", "1")
-    with pytest.raises(InputError, match="^no 4$"):
+    with pytest.raises(InputError, match=r"^no 4$"):
         list(on_dask(cluster.address).run(refuse, [4]))
 
 

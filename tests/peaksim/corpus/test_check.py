@@ -1,6 +1,7 @@
 """check_corpus: finds any changed, missing or added file, and follows no name out of the folder."""
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -40,10 +41,8 @@ def test_every_single_changed_byte_is_found(corpus: Path, made: dict[str, bytes]
         content[len(content) // 2] ^= 1
         (corpus / name).write_bytes(content)
         if name == "corpus.json" or name.startswith("sums/"):
-            try:
+            with suppress(InputError):  # no longer readable as what it was
                 assert any(repr(name) in fault for fault in check_corpus(str(corpus)))
-            except InputError:
-                pass  # no longer readable as what it was
         else:
             assert check_corpus(str(corpus)) == [f"{name!r}: is not what was written"]
         (corpus / name).write_bytes(made[name])

@@ -31,7 +31,8 @@ def write_model(spec: CorpusSpec, records: list[dict[str, Any]], folder: Path) -
 
 @pytest.mark.parametrize("model", CAMERAS)
 def test_pycolmaps_projection_meets_every_observation(folder: Path, tmp_path: Path, model: str) -> None:
-    camera = {"name": "cam", "width": 64, "height": 48, "fx": [50, 60], "cx": 30, "cy": 25, "count": 2, **CAMERAS[model]}
+    size = {"name": "cam", "width": 64, "height": 48, "count": 2}
+    camera = {**size, "fx": [50, 60], "cx": 30, "cy": 25, **CAMERAS[model]}
     spec = tiny_spec(cameras=[camera], markers={"shift_m": [-0.05, 0.05]})
     reconstruction = write_model(spec, tiny_records(spec, folder), tmp_path)
     assert reconstruction.num_images() == 12

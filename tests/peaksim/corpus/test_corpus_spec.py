@@ -85,7 +85,10 @@ def test_a_contradiction_inside_the_specification_is_refused(fields: dict[str, A
         ({"textures": {"lawn": {"mean": 3}}}, r"textures.lawn: expected a texture of the scenes \(floor, wall\)"),
         ({"markers": {"kinds": ["sift-dark-none"]}}, "tiny.toml: markers.* expected one of .*surf-dark"),
         ({"markers": {"shift_m": [-0.9, 0.9]}}, "tiny.toml: markers: expected shifts .* keep every marker in the room"),
-        ({"views": [{"kind": "marker", "distance_m": 1, "min_markers": 4}]}, "views: .* at least 4 markers, this one has 3"),
+        (
+            {"views": [{"kind": "marker", "distance_m": 1, "min_markers": 4}]},
+            "views: .* at least 4 markers, this one has 3",
+        ),
         ({"views": [{"kind": "marker", "distance_m": 90}]}, "frame 0: views: expected a view .* inside the room"),
         (
             {"views": [{"kind": "random", "eye_m": [0, 0, [2, 3]], "target_m": [0, 0, 0]}]},

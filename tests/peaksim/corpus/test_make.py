@@ -1,10 +1,11 @@
-"""make_corpus: the same bytes however it is made, also after kill -9, full disks and damage; nothing foreign is touched."""
+"""make_corpus: the same bytes however it is made, also after kill -9, full disks and damage; what is foreign stays."""
 
 import json
 import os
 import random
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -27,7 +28,8 @@ def test_the_tree_is_as_documented_and_checks(folder: Path, tmp_path: Path) -> N
         "manifest.json",
         "cameras/cam.yaml",
         *(f"frames/{i // 3:06d}/{i:08d}.{end}" for i in range(12) for end in ("png", "json")),
-        *(f"{folder}/{shard:06d}.{end}" for shard in range(4) for folder, end in (("shards", "tar"), ("records", "jsonl"))),
+        *(f"shards/{shard:06d}.tar" for shard in range(4)),
+        *(f"records/{shard:06d}.jsonl" for shard in range(4)),
         *(f"sums/shard-{shard:06d}.sha256" for shard in range(4)),
         *(f"tables/{part:06d}/{name}" for part in range(2) for name in tables),
         *(f"sums/part-{part:06d}.sha256" for part in range(2)),
@@ -205,12 +207,14 @@ def test_a_full_disk_is_one_line_and_more_room_finishes_the_set(folder: Path, tm
     disk.mkdir()
     script = f"""
         mount -t tmpfs -o size=100k none {disk} || exit 77
-        {os.sys.executable} -c '{code}' "$1" {folder} {disk}/c 2> {tmp_path}/error && exit 78
-        mount -o remount,size=100M {disk} && {os.sys.executable} -c '{code}' "$1" {folder} {disk}/c && cp -r {disk}/c {tmp_path}/c
-    """  # type: ignore[attr-defined]
+        {sys.executable} -c '{code}' "$1" {folder} {disk}/c 2> {tmp_path}/error && exit 78
+        mount -o remount,size=100M {disk} && {sys.executable} -c '{code}' "$1" {folder} {disk}/c || exit
+        cp -r {disk}/c {tmp_path}/c
+    """
     from peaksim.corpus.spec import spec_to_json
 
-    command = ["unshare", "--map-root-user", "--user", "--mount", "bash", "-c", script, "bash", spec_to_json(tiny_spec())]
+    spaces = ["unshare", "--map-root-user", "--user", "--mount"]
+    command = [*spaces, "bash", "-c", script, "bash", spec_to_json(tiny_spec())]
     status = subprocess.run(command, env=child_environment()).returncode
     if status in (1, 77):
         pytest.skip("this kernel gives users no file systems of their own")
@@ -224,7 +228,8 @@ def test_a_full_disk_is_one_line_and_more_room_finishes_the_set(folder: Path, tm
 def test_the_manifest_says_what_made_it(folder: Path, tmp_path: Path) -> None:
     make_corpus(tiny_spec(seed=77), folder, str(tmp_path / "c"))
     manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
-    assert (manifest["seed"], manifest["frames"], manifest["renderer"], manifest["gl_renderer"]) == (77, 12, "exact", None)
+    assert (manifest["seed"], manifest["frames"]) == (77, 12)
+    assert (manifest["renderer"], manifest["gl_renderer"]) == ("exact", None)
     assert {"peakmark", "numpy", "numba"} <= set(manifest["versions"])
     assert json.loads((tmp_path / "c" / "corpus.json").read_text())["spec"]["sensor"] == {
         "per": "frame", "read_noise": {"uniform": [0.0, 2.0]}}  # fmt: skip

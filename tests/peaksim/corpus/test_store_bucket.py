@@ -50,8 +50,9 @@ def test_lost_objects_are_made_again(folder: Path, tmp_path: Path, s3: str) -> N
     make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
     make_corpus(tiny_spec(), folder, "s3://corpora/tiny")
     fs = fsspec.filesystem("s3")
-    fs.rm(["corpora/tiny/manifest.json", "corpora/tiny/sums/part-000001.sha256", "corpora/tiny/sums/shard-000002.sha256",
-           "corpora/tiny/frames/000002/00000007.png", "corpora/tiny/shards/000002.tar"])  # fmt: skip
+    lost = ("manifest.json", "sums/part-000001.sha256", "sums/shard-000002.sha256", "frames/000002/00000007.png",
+            "shards/000002.tar")  # fmt: skip
+    fs.rm([f"corpora/tiny/{name}" for name in lost])
     assert make_corpus(tiny_spec(), folder, "s3://corpora/tiny").rendered == 1
     store = open_store("s3://corpora/tiny")
     assert {name: store.read(name) for name in store.names()} == contents(tmp_path / "c")
@@ -70,7 +71,9 @@ def test_an_upload_that_breaks_off_leaves_no_object(s3: str) -> None:
     assert list(store.names()) == []
 
 
-def test_a_bucket_that_is_missing_or_forbidden_is_one_line(folder: Path, s3: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bucket_that_is_missing_or_forbidden_is_one_line(
+    folder: Path, s3: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(InputError, match=r"s3://nowhere/tiny: .*bucket does not exist") as caught:
         make_corpus(tiny_spec(), folder, "s3://nowhere/tiny")
     assert "\n" not in str(caught.value)

@@ -7,7 +7,7 @@ import pytest
 from corpus_helpers import tiny_spec
 from peaksim.corpus.draws import sequence_draws
 from peaksim.corpus.plan import read_scene
-from peaksim.corpus.vary import all_markers, markers_needed, varied
+from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds, varied
 from peaksim.errors import SceneError
 from peaksim.scene_file import build_setup, load_scene
 
@@ -20,6 +20,13 @@ def test_markers_of_paths_are_listed_where_the_scene_puts_them() -> None:
     for marker in markers:
         assert marker.center_m == pytest.approx(quads[marker.name].world_from_quad[:3, 3])
         assert marker.up == pytest.approx(quads[marker.name].world_from_quad[:3, 1])
+
+
+def test_posters_are_counted_marker_by_marker() -> None:
+    table, _ = read_scene("cave", Path("."))
+    marks = [mark.kind for quad in load_scene("cave").scene.quads for mark in quad.marks]
+    assert sorted(poster_kinds(table)) == sorted(marks)
+    assert len(marks) > 3000
 
 
 def test_nothing_varied_is_the_scene_itself(folder: Path) -> None:
@@ -36,7 +43,8 @@ def test_nothing_varied_is_the_scene_itself(folder: Path) -> None:
 
 def test_markers_move_in_their_plane_within_the_limits(folder: Path) -> None:
     table, _ = read_scene("tiny.toml", folder)
-    spec = tiny_spec(markers={"kinds": ["surf-light"], "side_factor": [0.5, 1], "shift_m": [-0.1, 0.1], "turn_deg": [-90, 90]})
+    changes = {"side_factor": [0.5, 1], "shift_m": [-0.1, 0.1], "turn_deg": [-90, 90]}
+    spec = tiny_spec(markers={"kinds": ["surf-light"], **changes})
     for sequence in range(20):
         for before, after in zip(table.markers, varied(table, spec, sequence_draws(0, sequence)).markers, strict=True):
             shift = np.subtract(after.center_m, before.center_m)
