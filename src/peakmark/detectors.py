@@ -42,7 +42,7 @@ def find_detector(name: str) -> Detector:
         If there is no such detector, or this OpenCV has no SURF.
     """
     if ":" in name:
-        return partial(_detect_with, _import_function(name))
+        return partial(_detect_with, import_function(name))
     if name == "surf-opencv":
         _require_opencv_surf()
     from peakmark import surf
@@ -128,7 +128,14 @@ def _require_opencv_surf() -> None:
         raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
 
 
-def _import_function(name: str) -> Callable[..., Any]:
+def import_function(name: str) -> Callable[..., Any]:
+    """Return the function of "module:function".
+
+    Raises
+    ------
+    InputError
+        If it cannot be imported.
+    """
     module_name, _, function_name = name.partition(":")
     try:
         function = getattr(import_module(module_name), function_name)
@@ -140,8 +147,17 @@ def _import_function(name: str) -> Callable[..., Any]:
 
 
 def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters: Any) -> Keypoints:
-    """Call the user's function and take what it returns as `Keypoints`."""
-    found = function(image, **parameters)
+    return as_keypoints(function(image, **parameters))
+
+
+def as_keypoints(found: Any) -> Keypoints:
+    """Return what a user's function found as `Keypoints`.
+
+    Raises
+    ------
+    InputError
+        If it is none of the kinds that `find_detector` names.
+    """
     if isinstance(found, Keypoints):
         return found
     if isinstance(found, tuple) and len(found) == 2 and not hasattr(found[0], "pt"):
