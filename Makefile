@@ -1,10 +1,10 @@
 # make floor   the main job: environment, then render, detect and score the lab floor into out/floor
 # make test    the default tests          make test-all   the long ones too
-# make check   ruff and mypy              make bench      our speed beside others', against the committed baseline
+# make check   ruff and mypy
 PYTHON := .venv/bin/python
 READY := .venv/.ready
 
-.PHONY: floor test test-all check bench clean
+.PHONY: floor test test-all check clean
 
 floor: $(READY)
 	$(PYTHON) scripts/render_floor.py --out out/floor
@@ -18,10 +18,6 @@ test-all: $(READY)
 check: $(READY)
 	.venv/bin/ruff check .
 	.venv/bin/mypy
-
-bench: $(READY)
-	$(PYTHON) -c 'import mahotas' 2>/dev/null || .venv/bin/pip install --quiet --editable '.[bench]'
-	$(PYTHON) benchmarks/bench_surf.py
 
 $(READY): pyproject.toml tools/install.sh
 	bash tools/install.sh

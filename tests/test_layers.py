@@ -10,11 +10,23 @@ SOURCES = sorted([*ROOT.glob("sim/peaksim/**/*.py"), *ROOT.glob("src/peakmark/**
 
 # each module may import only modules of its own stage or an earlier one
 STAGES = (
-    ("errors", "pose", "shipped", "image_file", "keypoints", "integral", "parallel"),
+    ("errors", "pose", "shipped", "toml_file", "image_file", "keypoints", "integral", "parallel"),
     ("camera", "texture", "scene", "trajectory", "marker", "optimum", "surf", "sift", "detectors"),
     ("render", "truth", "sensor", "frame", "signature", "refine", "sheet"),
-    ("scene_file", "scene_build", "scene_schema", "identification", "arrays", "localise"),
-    ("score",),
+    (
+        "scene_file",
+        "scene_build",
+        "scene_schema",
+        "identification",
+        "arrays",
+        "localise",
+        "floor_path",
+        "ride",
+        "stretch",
+        "tracks",
+        "drive",
+    ),
+    ("score", "corpus"),
     ("overlay", "film", "plots", "report", "results"),
     ("experiments",),
     ("cli", "command"),

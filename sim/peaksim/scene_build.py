@@ -12,6 +12,7 @@ from peaksim import scene_schema as schema
 from peaksim import shipped
 from peaksim.camera import Camera
 from peaksim.errors import InputError, SceneError
+from peaksim.floor_path import FloorPath
 from peaksim.image_file import read_image
 from peaksim.pose import Pose, compose, look_at, rotation_about
 from peaksim.scene import Light, Mark, Mesh, Quad
@@ -186,18 +187,11 @@ def _tile(kind: str, border: int) -> Texture:
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
     """Return poses at equal arc lengths on a cubic spline through the waypoints, tops along the path."""
-    from scipy.interpolate import CubicSpline
-
-    waypoints = np.array(path.waypoints_m)
-    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1))])
-    curve = CubicSpline(chord, waypoints)
-    fine = np.linspace(0, chord[-1], 10_000)
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
-    at = np.interp(np.linspace(0, arc[-1], path.count), arc, fine)
-    heading_deg = np.degrees(np.arctan2(*curve(at, 1).T[::-1])) - 90
+    curve = FloorPath(np.array(path.waypoints_m))
+    arc = np.linspace(0, curve.length_m, path.count)
     return [
         compose(rotation_about("z", turn), [*xy, path.height_m])
-        for xy, turn in zip(curve(at), heading_deg, strict=True)
+        for xy, turn in zip(curve.at(arc), np.degrees(curve.heading_rad(arc)) - 90, strict=True)
     ]
 
 

@@ -45,8 +45,24 @@ def _truth_of(camera: Camera, pose: Pose, solids: "Solids", number: int, quad: Q
         side_px=float(np.sqrt(abs(polygon_area(corners_xy)))),
         distance_m=distance,
         tilt_deg=float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))),
-        visible_fraction=visible_fraction(camera, pose, solids, number, corners) if cosine > 0 else 0.0,
+        visible_fraction=visible_fraction(camera, pose, solids, number, corners)
+        if cosine > 0 and _may_be_seen(camera, transform(in_camera, corners), corners_xy)
+        else 0.0,
     )
+
+
+def _may_be_seen(camera: Camera, corners: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
+    """Return False for a rectangle that is surely out of view: a cheap test that spares most markers the exact one.
+
+    Between corners that are seen, a lens bends an edge by less than the rectangle is large.
+    """
+    if camera.model == "brown" and (corners[:, 2] <= 0).all():
+        return False
+    if not np.isfinite(corners_xy).all():
+        return True
+    low, high = corners_xy.min(axis=0), corners_xy.max(axis=0)
+    reach = high - low + 1
+    return bool((high + reach >= 0).all() and (low - reach <= [camera.width, camera.height]).all())
 
 
 def polygon_area(corners_xy: NDArray[np.float64]) -> float:

@@ -17,7 +17,7 @@ app.command()(marker)
 @app.command()
 def detect(
     source: Annotated[Path, Argument(help="A picture (PNG, JPEG, TIFF, …), a folder of pictures, or a film.")],
-    out: Annotated[Path, Option(help="NAME.npz, .csv or .json for a picture; else a folder.")] = Path("out/detect"),
+    out: Annotated[Path, Option(help="Folder, or for one picture FILE.npz, .csv or .json.")] = Path("out/detect"),
     detector: Annotated[str, Option(help="surf, surf-paper, surf-opencv, sift, or module:function.")] = "surf",
     threshold: Annotated[float | None, Option(help="Smallest response. [default: 100 for SURF]")] = None,
     octaves: Annotated[int | None, Option(help="Octaves. [default: 4]")] = None,

@@ -107,7 +107,7 @@ def opencv_surf(
 def opencv_sift(
     image: ArrayLike, threshold: float = 0.04, layers: int = 3, strongest: int | None = None
 ) -> Keypoints:
-    """OpenCV's SIFT, strongest first, with `enable_precise_upscale`, without which it is off by a quarter pixel."""
+    """OpenCV's SIFT, strongest first; `enable_precise_upscale`, as key points are off by a quarter pixel without it."""
     detector = _opencv().SIFT_create(nOctaveLayers=layers, contrastThreshold=threshold, enable_precise_upscale=True)
     points, descriptors = detector.detectAndCompute(as_gray(image), None)
     if descriptors is None:

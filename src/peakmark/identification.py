@@ -1,30 +1,31 @@
-"""Key points → markers by the paper's Section 4.2: stretch, rank by response, find the drop, compare signatures."""
+"""Key points → markers: `identify`, by the paper's rule or by the joint one (`identification_joint`, the default)."""
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from peakmark import surf
 from peakmark.errors import InputError
+from peakmark.gray import as_gray
 from peakmark.keypoints import Keypoints
 from peakmark.marker import Polarity
+from peakmark.optimum import Limit
 from peakmark.signature import signature_distances
+from peakmark.stretch import Stretch, stretched, unstretched
+
+Rule = Literal["joint", "paper"]
 
 LOW_THRESHOLD = 100.0
 """Hessian threshold that keeps tens of thousands of features of a floor picture ("very low", Section 4.2)."""
 
-SIGNATURE_LIMIT = 0.45
-"""Signature distance up to which a feature can be a marker; markers tilted to 75° stay below 0.35."""
+STRONGEST = 300
+"""Features that `identify` describes; a picture with more markers in view needs more."""
 
-SMALLEST_DROP = 1.3
-"""Response ratio between features of neighbouring rank that counts as the drop from markers to clutter."""
-
-RANKED = 1000
-"""How many of the strongest features are searched for the drop."""
-
-MERGE_RADIUS = 0.6
-"""In sizes of the stronger feature: weaker ones this near repeat it or are its ghosts."""
+_PAD_SHARE = 0.05
+"""Rim that is added on every side before detection, as a share of the width, by repeating the outermost pixels: SURF
+needs more room around a marker than the marker itself covers."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,9 @@ class Detection:
     id: int
     """0, 1, … by falling response."""
     xy: NDArray[np.float64]
-    """(2,) centre in the given image, px, pixel centres at integers."""
+    """(2,) centre in the given image, px, pixel centres at integers; refined where `affinity` is given."""
     size: float
-    """Estimated side of the pattern in the given image (square root of its area), px."""
+    """Side of the pattern in the given image (square root of its area), px."""
     polarity: Polarity
     """"dark" or "light" centre."""
     response: float
@@ -45,6 +46,10 @@ class Detection:
     """Euclidean distance from the ideal marker's signature."""
     rank: int
     """1-based rank of the feature by response among all features of the image."""
+    affinity: NDArray[np.float64] | None = None
+    """(2, 2) px per side of the pattern's x and y axes at the centre; None where nothing was refined."""
+    explained: float | None = None
+    """Share of the grey levels' variance that the printed pattern explains, 0…1; None where nothing was refined."""
 
 
 @dataclass(frozen=True)
@@ -60,95 +65,106 @@ class Identification:
 
 
 def identify(
-    gray: NDArray[np.uint8],
-    stretch: float = 2.0,
+    image: ArrayLike,
+    stretch: Stretch = 2.0,
     polarity: Polarity = "dark",
     threshold: float = LOW_THRESHOLD,
+    rule: Rule = "joint",
+    limit: Limit = "energy",
 ) -> tuple[Detection, ...]:
-    """Return the markers of one polarity in a grey image, strongest first; none is an empty tuple.
+    """Return the markers of one polarity in an image, strongest first; none is an empty tuple.
 
     Parameters
     ----------
-    gray
-        (H, W) uint8.
+    image
+        Grey or RGB; see `peakmark.gray.as_gray`.
     stretch
-        Vertical stretch before detection: about 1 / cos(tilt) of the surface that carries the markers.
+        Vertical stretch before detection: about 1 / cos(tilt) of the surface that carries the markers; 2 is the
+        paper's, `peakmark.stretch.floor_stretch` gives each row its own where the camera's pitch is known.
     polarity
         Which markers to look for.
     threshold
         Hessian threshold of the detector.
+    rule
+        "joint" weighs response, signature and scale of each feature, and aligns the printed pattern: for any number of
+        markers, also none. "paper" ranks by response and cuts at the largest drop (Section 4.2).
+    limit
+        Which marker was printed: "energy" (the paper's) or "range"; "paper" does not use it.
 
     Raises
     ------
     InputError
-        If the stretch is not in 0.25…8, or the image is not one that `surf.detect` takes.
+        If the stretch is not in 0.25…8, the rule is unknown, or the image is not one that `surf.detect` takes.
     """
-    return examine(stretched_features(gray, stretch, threshold), polarity).detections
+    gray = as_gray(image)
+    features = stretched_features(gray, stretch, threshold, None if rule == "paper" else STRONGEST)
+    return examine(gray, features, polarity, rule, stretch, limit).detections
 
 
-def stretched_features(gray: NDArray[np.uint8], stretch: float, threshold: float = LOW_THRESHOLD) -> Keypoints:
-    """Return the SURF features of the vertically stretched image, in the coordinates of the given one."""
-    tall = stretched(gray, stretch)
-    return unstretched(surf.detect_and_describe(tall, threshold=threshold), tall.shape[0] / gray.shape[0])
+def stretched_features(
+    gray: NDArray[np.uint8], stretch: Stretch, threshold: float = LOW_THRESHOLD, strongest: int | None = None
+) -> Keypoints:
+    """Return the SURF features of the vertically stretched image, in the coordinates of the given one.
+
+    The image is continued beyond its border, so that markers at the border are found as well; features that lie
+    outside it are left out.
+    """
+    height, width = gray.shape
+    pad = round(_PAD_SHARE * width)
+    padded = np.pad(stretched(gray, stretch), pad, mode="edge")
+    features = surf.detect_and_describe(padded, threshold=threshold, strongest=strongest)
+    features = unstretched(features.with_columns(xy=features.xy - np.float32(pad)), stretch, height)
+    inside = (features.xy > -0.5) & (features.xy < np.array([width, height]) - 0.5)
+    return features[inside.all(axis=1)]
 
 
-def examine(features: Keypoints, polarity: Polarity = "dark") -> Identification:
-    """Return which of an image's features, strongest first and with descriptors, are markers."""
+def examine(
+    gray: NDArray[np.uint8],
+    features: Keypoints,
+    polarity: Polarity = "dark",
+    rule: Rule = "joint",
+    stretch: Stretch = 2.0,
+    limit: Limit = "energy",
+) -> Identification:
+    """Return which of an image's features, strongest first and with descriptors, are markers; see `identify`."""
+    if rule not in get_args(Rule):
+        raise InputError(f"rule: expected one of {', '.join(get_args(Rule))}, got {rule!r}")
     assert features.descriptors is not None
     distances = signature_distances(features.descriptors, polarity)
-    return Identification(features, distances, select(features, distances, polarity))
+    if rule == "paper":
+        from peakmark.identification_paper import select
+
+        rows = select(features, distances, polarity)
+        return Identification(features, distances, tuple(as_detections(features, distances, polarity, rows)))
+    from peakmark.identification_joint import find_markers
+
+    return Identification(features, distances, find_markers(gray, features, distances, stretch, polarity, limit))
 
 
-def stretched(gray: NDArray[np.uint8], stretch: float) -> NDArray[np.uint8]:
-    """Return the image stretched vertically to the nearest whole height, bilinear."""
-    import cv2
-
-    if not 0.25 <= stretch <= 8:
-        raise InputError(f"stretch: expected 0.25…8, got {stretch}")
-    if stretch == 1:
-        return gray
-    size = (gray.shape[1], max(1, round(gray.shape[0] * stretch)))
-    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
-
-
-def unstretched(features: Keypoints, stretch: float) -> Keypoints:
-    """Map key points of the stretched image back: row y to (y + ½)/stretch − ½, sizes to equal area."""
-    xy = features.xy.astype(np.float64)
-    xy[:, 1] = (xy[:, 1] + 0.5) / stretch - 0.5
-    shrink = np.sqrt(stretch)
-    return features.with_columns(xy=xy, size=features.size / shrink, scale=features.scale / shrink)
-
-
-def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> tuple[Detection, ...]:
-    """Return the markers among all features of an image, which come strongest first."""
-    sign = 1 if polarity == "dark" else -1  # OpenCV's class_id is the sign of the trace: +1 for a dark centre
-    kept = merged(features, np.arange(min(len(features), RANKED)))
-    kept = kept[: above_drop(features.response[kept])]
-    kept = kept[(features.laplacian[kept] == sign) & (distances[kept] <= SIGNATURE_LIMIT)]
-    return tuple(
+def as_detections(
+    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity, rows: NDArray[np.intp]
+) -> list[Detection]:
+    """Return features as detections, in the order given."""
+    return [
         Detection(number, features.xy[i].astype(np.float64), float(features.scale[i]), polarity,
                   float(features.response[i]), float(distances[i]), int(i) + 1)
-        for number, i in enumerate(kept)
-    )  # fmt: skip
+        for number, i in enumerate(rows)
+    ]  # fmt: skip
 
 
-def merged(features: Keypoints, candidates: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the candidates, given strongest first, without those near a stronger one.
+def is_polarity(features: Keypoints, polarity: Polarity) -> NDArray[np.bool_]:
+    """Return (n,) whether features have a dark or light centre: OpenCV's class_id is +1 for a dark one."""
+    return np.asarray(features.laplacian == (1 if polarity == "dark" else -1))
+
+
+def merged(features: Keypoints, candidates: NDArray[np.intp], radius: float = 0.6) -> NDArray[np.intp]:
+    """Return the candidates, given strongest first, without those near a stronger one, in sizes of that one.
 
     A marker answers in more than one octave, and with ghosts of about 16 % of its response around its centre.
     """
     kept: list[int] = []
     for i in candidates:
         gaps = np.linalg.norm(features.xy[kept] - features.xy[i], axis=1)
-        if (gaps > MERGE_RADIUS * features.scale[kept]).all():
+        if (gaps > radius * features.scale[kept]).all():
             kept.append(int(i))
     return np.array(kept, dtype=np.intp)
-
-
-def above_drop(responses: NDArray[np.float32]) -> int:
-    """Return how many of the falling responses stand above the largest drop; 0 if none is large enough."""
-    if len(responses) < 2:
-        return len(responses)
-    ratios = responses[:-1] / responses[1:]
-    last = int(np.argmax(ratios))
-    return last + 1 if ratios[last] >= SMALLEST_DROP else 0

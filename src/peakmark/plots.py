@@ -32,9 +32,7 @@ def save(figure: Any, path: Path) -> None:
         figure.savefig(path, dpi=150, metadata={"Software": None})
 
 
-def response_ranking(
-    ax: Any, responses: NDArray[np.float32], is_marker: NDArray[np.bool_], most: int = 60
-) -> None:
+def response_ranking(ax: Any, responses: NDArray[np.float32], is_marker: NDArray[np.bool_], most: int = 60) -> None:
     """Draw the strongest responses in descending order (the paper's Figure 11)."""
     count = min(most, len(responses))
     colours = np.where(is_marker[:count], MARKER_COLOUR, CLUTTER_COLOUR)
@@ -44,9 +42,7 @@ def response_ranking(
     _legend(ax)
 
 
-def signature_ranking(
-    ax: Any, distances: NDArray[np.float32], is_marker: NDArray[np.bool_], limit: float
-) -> None:
+def signature_ranking(ax: Any, distances: NDArray[np.float32], is_marker: NDArray[np.bool_], limit: float) -> None:
     """Draw every feature's signature distance over its rank (the paper's Figure 12)."""
     rank = np.arange(1, len(distances) + 1)
     other = ~is_marker
@@ -72,3 +68,14 @@ def course(ax: Any, x: NDArray[np.float64], y: NDArray[np.float64], label: str, 
     ax.plot(x, y, color=MARKER_COLOUR, linewidth=1.2, marker="o", markersize=3)
     ax.set(xlabel="time (s)", ylabel=f"{label} ({unit})" if unit else label)
     ax.grid(alpha=0.3)
+
+
+def top_view(ax: Any, markers_m: NDArray[np.float64], ways_m: dict[str, NDArray[np.float64]]) -> None:
+    """Draw a floor from above: (n, 2) markers and named (k, 2) ways, metres; nan leaves a gap."""
+    styles = [("black", "-", 2.5), (MARKER_COLOUR, "-", 1.2), ("#0969da", "--", 1.2), ("#bc4c00", ":", 1.2)]
+    ax.scatter(*markers_m.T, s=14, marker="s", color=CLUTTER_COLOUR, label="markers")
+    for (name, way), (colour, line, width) in zip(ways_m.items(), styles, strict=False):
+        ax.plot(*way.T, color=colour, linestyle=line, linewidth=width, label=name)
+    ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    ax.grid(alpha=0.3)
+    ax.legend(frameon=False, fontsize=8)

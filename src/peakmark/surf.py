@@ -24,7 +24,7 @@ from peakmark.errors import InputError
 from peakmark.gray import as_gray
 from peakmark.integral import integral_image, padded_integral
 from peakmark.keypoints import Keypoints
-from peakmark.surf_descriptor import describe_windows, window_side
+from peakmark.surf_descriptor import describe_windows
 from peakmark.surf_hessian import find_interest_points, strongest_first
 from peakmark.surf_layers import Layer
 from peakmark.surf_orientation import NO_SAMPLE, UPRIGHT_DEG, measure_angles
@@ -58,6 +58,10 @@ OPENCV: Final = ScaleSpace(octaves=4, layers=3)
 
 _LARGEST_SIDE = 4767
 """Side of the largest filter whose sums fit 31 bits: 2 · 255 · (side / 3) · (5 side / 9) < 2^31."""
+_SMALLEST, _LARGEST = 0.36, 4767.0
+"""Sizes, px, whose windows have a pixel at least, and take 180 megabytes at most."""
+_FARTHEST = 2.0**24
+"""Coordinates beyond, px, are no whole pixels in single precision."""
 
 
 def detect(
@@ -128,6 +132,7 @@ def orientations(integral: NDArray[np.int32], keypoints: Keypoints) -> NDArray[n
     (n,) float32 degrees, 0…360; −1 where no Haar filter fits into the image.
     """
     shape = (integral.shape[0] - 1, integral.shape[1] - 1)
+    _check_keypoints(keypoints)
     return measure_angles(np.ascontiguousarray(integral), shape, keypoints.xy, keypoints.size)
 
 
@@ -151,11 +156,10 @@ def describe(
     Raises
     ------
     InputError
-        If the image is not as stated, or a size gives an empty window.
+        If the image is not as stated, or a key point's position, size (0.36…4767 px) or angle cannot be used.
     """
     gray = as_gray(image)
-    if len(keypoints) and window_side(keypoints.size).min() < 1:
-        raise InputError(f"keypoints.size: expected at least 0.36 px to describe, got {keypoints.size.min()}")
+    _check_keypoints(keypoints)
     return describe_windows(gray, keypoints.xy, keypoints.size, keypoints.angle, extended, upright)
 
 
@@ -228,6 +232,16 @@ def _check_parameters(
     largest = max((side for side in sides if side <= min(shape)), default=0)
     if largest > _LARGEST_SIDE:
         raise InputError(f"octaves, layers: expected filters of at most {_LARGEST_SIDE} px, got {largest}")
+
+
+def _check_keypoints(keypoints: Keypoints) -> None:
+    """Turn away key points whose window is empty, too large, or nowhere."""
+    limits = {"xy": (-_FARTHEST, _FARTHEST), "size": (_SMALLEST, _LARGEST), "angle": (-360.0, 360.0)}
+    for name, (least, most) in limits.items():
+        column = getattr(keypoints, name)
+        outside = ~((column >= least) & (column <= most))
+        if outside.any():
+            raise InputError(f"keypoints.{name}: expected values in {least:g}…{most:g}, got {column[outside][0]}")
 
 
 def _as_zeros_and_ones(mask: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:

@@ -122,8 +122,8 @@ def strongest_neighbour(cube):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def mask_accepts(mask_sums, stride, corner, side):  # type: ignore[no-untyped-def]
     """OpenCV's rule: at least half of the filter square is inside the mask."""
-    share = _box_mean(mask_sums, corner, side * stride, side, np.float32(1.0) / np.float32(side * side))
-    return share >= np.float32(0.5)
+    one_by_area = np.float32(1.0) / np.float32(side * side)
+    return _box_mean(mask_sums, corner, side * stride, side, one_by_area) >= np.float32(0.5)
 
 
 @njit(cache=True, nogil=True)

@@ -4,7 +4,12 @@ No response layer is stored. Of each searched layer of an octave three grid rows
 as soon as the row below it is known. The lowest and the highest layer of an octave only serve as neighbours; they are
 computed where a candidate asks for them. Every candidate is settled in OpenCV's own arithmetic (`surf_exact`), so
 that key points, responses and their order are OpenCV's.
+
+Rows are named by their place in flat arrays, as unsigned integers: that spares the reference counts of slices and the
+test for negative indices, and lets the inner loops use vectors.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,12 +29,27 @@ from peakmark.surf_layers import DXY_WEIGHT, Layer
 RECORD_FIELDS = ("x", "y", "scale", "size", "response", "octave", "laplacian")
 """Columns of the (n, 7) float32 records that the kernel returns."""
 
+U = np.uint64
 _BANDS_PER_THREAD = 4
 _BLOCK_COLUMNS = 1024
-U = np.uint64
 _DXY = np.float32(DXY_WEIGHT)
 _SLACK = np.float32(2.0**-12)
-"""Fast responses are off by less than this share of Dxx Dyy + 0.81 Dxy²."""
+"""Quick responses are off by less than this share of |Dxx Dyy| + Dxy²."""
+
+
+class Block(NamedTuple):
+    """Part of an octave's grid, half-open, in which one task looks for maxima."""
+
+    octave: int
+    layers: int
+    rows: int
+    """Rows of the whole grid."""
+    columns: int
+    """Columns of the whole grid."""
+    top: int
+    bottom: int
+    left: int
+    right: int
 
 
 def find_interest_points(
@@ -51,10 +71,8 @@ def find_interest_points(
     mask_integral : the same for the mask as zeros and ones; None accepts every place.
     """
     mask = np.zeros((0, 0), dtype=np.int32) if mask_integral is None else mask_integral
-    blocks = [(octave, *block) for octave in range(octaves) for block in _grid_blocks(shape, octave)]
-    found = map_parallel(
-        lambda block: _find_in_block(integral, shape, mask, np.float32(threshold), layers, *block), blocks
-    )
+    blocks = [block for octave in range(octaves) for block in grid_blocks(shape, octave, layers)]
+    found = map_parallel(lambda block: _find_in_block(integral, mask, np.float32(threshold), block), blocks)
     return np.concatenate([np.zeros((0, len(RECORD_FIELDS)), dtype=np.float32), *found])
 
 
@@ -71,132 +89,85 @@ def strongest_first(records: NDArray[np.float32]) -> NDArray[np.intp]:
     return order
 
 
-def _grid_blocks(shape: tuple[int, int], octave: int) -> list[tuple[int, int, int, int]]:
-    """First row, end row, first column, end column of the blocks that tile an octave's searched grid places."""
+def grid_blocks(shape: tuple[int, int], octave: int, layers: int) -> list[Block]:
+    """Blocks that tile the searched places of an octave, sized for the cache and cut for the threads."""
+    rows, columns = (length >> octave for length in shape)
     margin = Layer(octave, 1).margin
-    rows, columns = ((length >> octave) - 2 * margin for length in shape)
-    if rows <= 0 or columns <= 0:
+    height, width = rows - 2 * margin, columns - 2 * margin
+    if height <= 0 or width <= 0:
         return []
     row_cuts = max(1, (thread_count() * _BANDS_PER_THREAD) >> octave)
     return [
-        (margin + top, margin + bottom, margin + left, margin + right)
-        for top, bottom in bands(rows, row_cuts)
-        for left, right in bands(columns, -(-columns // _BLOCK_COLUMNS))
+        Block(octave, layers, rows, columns, margin + top, margin + bottom, margin + left, margin + right)
+        for top, bottom in bands(height, row_cuts)
+        for left, right in bands(width, -(-width // _BLOCK_COLUMNS))
     ]
 
 
 @njit(cache=True, nogil=True)
-def _find_in_block(integral, shape, mask_integral, threshold, layers, octave, top, bottom, left, right):  # type: ignore[no-untyped-def]
-    """Records of the maxima at the grid rows top ≤ i < bottom and columns left ≤ j < right of one octave.
+def _find_in_block(integral, mask_integral, threshold, block):  # type: ignore[no-untyped-def]
+    """Records of the maxima in a block.
 
-    Rows of all arrays are named by their place in the flat arrays, as unsigned integers: that spares the reference
-    counts of slices and the test for negative indices, and lets the inner loops use vectors.
+    Column k of the ring is grid column left − 1 + k; its rows are layer 1's last three grid rows, then layer 2's, …
     """
-    sums, mask = integral.reshape(-1), mask_integral.reshape(-1)
-    cube = np.empty((3, 3, 3), dtype=np.float32)
-    stride = integral.shape[1]
-    rows, columns = shape[0] >> octave, shape[1] >> octave
-    width = right - left + 2
-    ring = np.zeros(layers * 3 * width, dtype=np.float32)
-    highest = np.zeros(layers * width, dtype=np.float32)
-    flags = np.zeros((width // 8 + 1) * 8, dtype=np.uint8)
+    sums, mask, stride = integral.reshape(-1), mask_integral.reshape(-1), integral.shape[1]
+    width = block.right - block.left + 2
+    ring = np.zeros(3 * block.layers * width, dtype=np.float32)
+    highest = np.zeros((block.layers + 1) * width, dtype=np.float32)
+    flags = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
     words = flags.view(np.uint64)
-    length = (width + 6 * layers + 11) << octave
-    scratch = np.zeros(8 * length, dtype=np.int32)
-    slack = min(threshold, np.float32(2.0**-8))
-    loose = threshold - threshold * _SLACK - slack
-    records = np.empty((256, 7), dtype=np.float32)
-    count = 0
-    for i in range(top - 1, bottom + 1):
-        for index in range(1, layers + 1):
-            offset = 4 + 3 * index
-            first, end = max(left - 1, offset), min(right + 1, columns - offset)
-            if offset <= i < rows - offset and first < end:
-                corner = ((i - offset) * stride + first - offset) << octave
-                place = ((index - 1) * 3 + i % 3) * width + first - left + 1
-                _response_row(sums, stride, corner, index, octave, scratch, length, ring, place, end - first)
-        if i <= top:
+    scratch = np.zeros(8 * ((width + 6 * block.layers + 11) << block.octave), dtype=np.int32)
+    cube = np.empty((3, 3, 3), dtype=np.float32)
+    records, count = np.empty((256, 7), dtype=np.float32), 0
+    for i in range(block.top - 1, block.bottom + 1):
+        _respond(sums, stride, block, i, scratch, ring, width)
+        if i <= block.top:
             continue
-        for m in range(layers):
-            row = m * 3 * width
-            _max3(ring, U(row), U(row + width), U(row + 2 * width), highest, U(m * width), U(width))
-        i0 = i - 1
-        for index in range(1, layers + 1):
-            margin = 8 + 3 * index
-            first, end = max(left, margin), min(right, columns - margin)
-            if not (margin <= i0 < rows - margin and first < end):
-                continue
-            m = index - 1
-            k = first - left + 1
-            n = end - first
-            flags[n : (n + 7) // 8 * 8] = 0
-            _flag_peaks(
-                ring,
-                U((m * 3 + i0 % 3) * width + k),
-                highest,
-                U(max(m - 1, 0) * width + k),
-                U(m * width + k),
-                U(min(m + 1, layers - 1) * width + k),
-                loose,
-                slack,
-                flags,
-                U(n),
-            )
-            for w in range((n + 7) // 8):
-                if words[w] == 0:
+        _raise_to_neighbours(ring, block.layers, width, highest)
+        for index in range(1, block.layers + 1):
+            first, n = _flag_row(ring, highest, block, index, i - 1, threshold, width, flags)
+            for word in range((n + 7) // 8):
+                if words[word] == 0:
                     continue
-                for c in range(8 * w, 8 * w + 8):
-                    if not flags[c]:
-                        continue
-                    if count == len(records):
-                        records = _grown(records)
-                    _cut_cube(ring, layers, width, index, i0, k + c, cube)
-                    count = _settle(
-                        sums, stride, mask, threshold, layers, octave, index, i0, first + c, cube, records, count
-                    )
+                for k in range(8 * word, min(8 * word + 8, n)):
+                    if flags[k]:
+                        if count == len(records):
+                            records = _grown(records)
+                        j = first + k
+                        _cut_cube(ring, block, index, i - 1, j, width, cube)
+                        count = _settle(sums, stride, mask, threshold, block, index, i - 1, j, cube, records, count)
     return records[:count].copy()
 
 
 @njit(cache=True, nogil=True)
-def _response_row(sums, stride, corner, index, octave, scratch, length, out, place, n):  # type: ignore[no-untyped-def]
+def _respond(sums, stride, block, i, scratch, ring, width):  # type: ignore[no-untyped-def]
+    """Compute grid row i of every searched layer that has one, with one column more on each side of the block."""
+    for index in range(1, block.layers + 1):
+        offset = 4 + 3 * index
+        first, end = max(block.left - 1, offset), min(block.right + 1, block.columns - offset)
+        if offset <= i < block.rows - offset and first < end:
+            corner = ((i - offset) * stride + first - offset) << block.octave
+            place = ((index - 1) * 3 + i % 3) * width + first - block.left + 1
+            _response_row(sums, stride, corner, index, block.octave, scratch, ring, place, end - first)
+
+
+@njit(cache=True, nogil=True)
+def _response_row(sums, stride, corner, index, octave, scratch, out, place, n):  # type: ignore[no-untyped-def]
     """Determinants of n filters of one layer, the first with its corner at sums[corner], a step apart."""
     step = 1 << octave
     side = (9 + 6 * index) << octave
-    third = side // 3
-    near = (2 * side + 9) // 18
-    low = (4 * side + 9) // 18
-    wide = U((n - 1) * step + side + 1)
-    _difference(sums, U(corner + low * stride), U(corner + (side - low) * stride), scratch, U(0), wide)
-    _second_difference(
-        sums,
-        U(corner),
-        U(corner + third * stride),
-        U(corner + 2 * third * stride),
-        U(corner + side * stride),
-        scratch,
-        U(length),
-        wide,
-    )
-    _mixed_difference(
-        sums,
-        U(corner + near * stride),
-        U(corner + (near + third) * stride),
-        U(corner + (side - near - third) * stride),
-        U(corner + (side - near) * stride),
-        scratch,
-        U(2 * length),
-        wide,
-    )
-    xx = yy_low = yy_high = xy_near = xy_far = 0
-    if octave == 0:
-        yy_low = yy_high = length
-        xy_near = xy_far = 2 * length
-    else:
-        xx = _every(scratch, 0, step, 3 * length, n + side // step)
-        yy_low, yy_high = _both_phases(scratch, length, low % step, step, 4 * length, length, n + side // step)
-        xy_near, xy_far = _both_phases(scratch, 2 * length, near % step, step, 6 * length, length, n + side // step)
-    mean = 1.0 / (third * (side - 2 * low))
-    mixed_mean = 1.0 / (third * third)
+    third, near, low = side // 3, (2 * side + 9) // 18, (4 * side + 9) // 18
+    length = len(scratch) // 8
+    _difference_rows(sums, stride, corner, side, U((n - 1) * step + side + 1), scratch, length)
+    xx = 0
+    yy_low = yy_high = length
+    xy_near = xy_far = 2 * length
+    if octave:
+        m = n + side // step
+        xx = _every(scratch, 0, step, 3 * length, m)
+        yy_low, yy_high = _both_phases(scratch, length, low % step, step, 4 * length, length, m)
+        xy_near, xy_far = _both_phases(scratch, 2 * length, near % step, step, 6 * length, length, m)
+    mean, mixed_mean = 1.0 / (third * (side - 2 * low)), 1.0 / (third * third)
     _determinants(
         scratch,
         U(xx),
@@ -214,6 +185,33 @@ def _response_row(sums, stride, corner, index, octave, scratch, length, out, pla
         out,
         U(place),
         U(n),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _difference_rows(sums, stride, corner, side, n, scratch, length):  # type: ignore[no-untyped-def]
+    """Differences down the filter's rows, for Dxx, Dyy and Dxy, into the first three rows of the scratch memory."""
+    third, near, low = side // 3, (2 * side + 9) // 18, (4 * side + 9) // 18
+    _difference(sums, U(corner + low * stride), U(corner + (side - low) * stride), scratch, U(0), n)
+    _second_difference(
+        sums,
+        U(corner),
+        U(corner + third * stride),
+        U(corner + 2 * third * stride),
+        U(corner + side * stride),
+        scratch,
+        U(length),
+        n,
+    )
+    _mixed_difference(
+        sums,
+        U(corner + near * stride),
+        U(corner + (near + third) * stride),
+        U(corner + (side - near - third) * stride),
+        U(corner + (side - near) * stride),
+        scratch,
+        U(2 * length),
+        n,
     )
 
 
@@ -266,73 +264,114 @@ def _determinants(s, x0, x3, x6, x9, y2, y7, u1, u4, u5, u8, dxx_dyy, dxy_dxy, o
 
 
 @njit(cache=True, nogil=True)
+def _raise_to_neighbours(ring, layers, width, highest):  # type: ignore[no-untyped-def]
+    """Largest of the 3×3 neighbours in each layer, for the middle row; undefined at the first and last column."""
+    spare = layers * width
+    for m in range(layers):
+        row = 3 * m * width
+        _max3(ring, U(row), U(row + width), U(row + 2 * width), highest, U(spare), U(width))
+        _max3(highest, U(spare), U(spare + 1), U(spare + 2), highest, U(m * width + 1), U(width - 2))
+
+
+@njit(cache=True, nogil=True)
 def _max3(values, a, b, c, out, place, n):  # type: ignore[no-untyped-def]
     for j in range(n):
         out[place + j] = max(max(values[a + j], values[b + j]), values[c + j])
 
 
 @njit(cache=True, nogil=True)
-def _flag_peaks(values, v, highest, below, here, above, loose, slack, flags, n):  # type: ignore[no-untyped-def]
-    """Mark the values over the threshold that no neighbour in `highest` clearly exceeds."""
-    one = U(1)
-    for j in range(n):
-        value = values[v + j]
-        middle = max(max(highest[below + j], highest[here + j]), highest[above + j])
-        left = max(max(highest[below - one + j], highest[here - one + j]), highest[above - one + j])
-        right = max(max(highest[below + one + j], highest[here + one + j]), highest[above + one + j])
-        reach = value + value * _SLACK + slack
-        flags[j] = (value > loose) & (reach >= max(max(left, middle), right))
+def _flag_row(ring, highest, block, index, i, threshold, width, flags):  # type: ignore[no-untyped-def]
+    """Mark the candidates of a layer's grid row i; returns the first grid column and the number of columns searched."""
+    margin = 8 + 3 * index
+    first, end = max(block.left, margin), min(block.right, block.columns - margin)
+    if not (margin <= i < block.rows - margin and first < end):
+        return first, 0
+    n, m = end - first, index - 1
+    slack = min(threshold, np.float32(2.0**-8))
+    k = first - block.left + 1
+    flags[n : (n + 7) // 8 * 8] = 0
+    _flag_peaks(
+        ring,
+        U((3 * m + i % 3) * width + k),
+        highest,
+        U(max(m - 1, 0) * width + k),
+        U(m * width + k),
+        U(min(m + 1, block.layers - 1) * width + k),
+        threshold - threshold * _SLACK - slack,
+        slack,
+        flags,
+        U(n),
+    )
+    return first, n
 
 
 @njit(cache=True, nogil=True)
-def _cut_cube(ring, layers, width, index, i, k, cube):  # type: ignore[no-untyped-def]
-    """Copy the 3×3×3 neighbourhood of ring column k, as far as the ring holds its layers."""
+def _flag_peaks(values, v, highest, below, here, above, loose, slack, flags, n):  # type: ignore[no-untyped-def]
+    """Mark the values over the threshold that no neighbour clearly exceeds."""
+    for j in range(n):
+        value = values[v + j]
+        rival = max(max(highest[below + j], highest[here + j]), highest[above + j])
+        flags[j] = (value > loose) & (value + value * _SLACK + slack >= rival)
+
+
+@njit(cache=True, nogil=True)
+def _cut_cube(ring, block, index, i, j, width, cube):  # type: ignore[no-untyped-def]
+    """Copy the 3×3×3 neighbourhood of a candidate, as far as the ring holds its layers."""
     for s in range(3):
         m = index - 2 + s
-        if 0 <= m < layers:
+        if 0 <= m < block.layers:
             for di in range(3):
-                row = (m * 3 + (i + di - 1) % 3) * width + k - 1
+                row = (m * 3 + (i + di - 1) % 3) * width + j - block.left
                 for dj in range(3):
                     cube[s, di, dj] = ring[U(row + dj)]
 
 
 @njit(cache=True, nogil=True)
-def _settle(sums, stride, mask, threshold, layers, octave, index, i, j, cube, records, count):  # type: ignore[no-untyped-def]
+def _settle(sums, stride, mask, threshold, block, index, i, j, cube, records, count):  # type: ignore[no-untyped-def]
     """Write a candidate into records[count], if it is a maximum in OpenCV's arithmetic; returns the new count."""
-    step = 1 << octave
+    octave = block.octave
     offset, side = 4 + 3 * index, (9 + 6 * index) << octave
     corner = ((i - offset) * stride + j - offset) << octave
     dxx, dyy, dxy = exact_derivatives(sums, stride, corner, side)
     response = dxx * dyy - _DXY * dxy * dxy
     if not response > threshold or (mask.size and not mask_accepts(mask, stride, corner, side)):
         return count
-    doubt = _SLACK * (abs(dxx * dyy) + dxy * dxy)
-    for outer in (index - 1, index + 1):
-        if outer == 0 or outer == layers + 1:
-            corner = ((i - 4 - 3 * outer) * stride + j - 4 - 3 * outer) << octave
-            if quick_response(sums, stride, corner, (9 + 6 * outer) << octave) > response + doubt:
-                return count
-            fill_layer(sums, stride, octave, outer, i, j, False, cube[outer - index + 1])
     cube[1, 1, 1] = response
-    rival = strongest_neighbour(cube)
-    if rival > response + doubt:
+    doubt = _SLACK * (abs(dxx * dyy) + dxy * dxy)
+    if not _is_maximum(sums, stride, block, index, i, j, cube, doubt):
         return count
-    if rival >= response - doubt:
-        for s in range(3):
-            fill_layer(sums, stride, octave, index + s - 1, i, j, True, cube[s])
-        if not response > strongest_neighbour(cube):
-            return count
     ok, dx, dy, ds = newton_offset(cube)
     half = np.float32(side - 1) * np.float32(0.5)
     record = records[count]
-    record[0] = np.float32((j - offset) * step) + half + dx * np.float32(step)
-    record[1] = np.float32((i - offset) * step) + half + dy * np.float32(step)
-    record[2] = np.float32(side) + ds * np.float32(6 * step)
+    record[0] = np.float32((j - offset) << octave) + half + dx * np.float32(1 << octave)
+    record[1] = np.float32((i - offset) << octave) + half + dy * np.float32(1 << octave)
+    record[2] = np.float32(side) + ds * np.float32(6 << octave)
     record[3] = np.rint(record[2])
     record[4] = response
     record[5] = octave
     record[6] = np.sign(dxx + dyy)
     return count + ok
+
+
+@njit(cache=True, nogil=True)
+def _is_maximum(sums, stride, block, index, i, j, cube, doubt):  # type: ignore[no-untyped-def]
+    """Whether the middle of the cube exceeds its 26 neighbours; fills in layers that the ring does not hold.
+
+    Where a neighbour comes within `doubt`, all of them are computed again in OpenCV's arithmetic.
+    """
+    response = cube[1, 1, 1]
+    for outer in (index - 1, index + 1):
+        if outer == 0 or outer == block.layers + 1:
+            corner = ((i - 4 - 3 * outer) * stride + j - 4 - 3 * outer) << block.octave
+            if quick_response(sums, stride, corner, (9 + 6 * outer) << block.octave) > response + doubt:
+                return False
+            fill_layer(sums, stride, block.octave, outer, i, j, False, cube[outer - index + 1])
+    rival = strongest_neighbour(cube)
+    if response - doubt <= rival <= response + doubt:
+        for s in range(3):
+            fill_layer(sums, stride, block.octave, index + s - 1, i, j, True, cube[s])
+        rival = strongest_neighbour(cube)
+    return response > rival
 
 
 @njit(cache=True, nogil=True)

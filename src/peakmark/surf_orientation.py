@@ -23,10 +23,10 @@ _CLOSE = np.float32(1 - 2.0**-12)
 
 
 def gaussian(length: int, sigma: float) -> NDArray[np.float32]:
-    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middles are exp(0)."""
+    """Gaussian window of sum 1, as `cv2.getGaussianKernel` has it: of an even length, both middle weights are 1."""
     offsets = np.arange(length) - (length - 1) / 2
     weights = np.exp(-0.5 * (offsets / sigma) ** 2)
-    weights[np.abs(offsets) < 1] = 1
+    weights[np.abs(offsets) < 1] = 1  # before scaling; an even length would ask for exp(−1 / 8σ²)
     normalised: NDArray[np.float32] = (weights * (1 / weights.sum())).astype(np.float32)
     return normalised
 

@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.keypoints import Keypoints
+from peakmark.surf_descriptor import CELL_SIGMA
 from peakmark.surf_layers import DXY_WEIGHT, Box, Layer, octave_layers, second_derivative_boxes
+from peakmark.surf_orientation import circle_samples, gaussian
+from peakmark.surf_window import PATCH_SIDE
 
 Float32 = NDArray[np.float32]
 
@@ -173,3 +176,93 @@ def newton_step(cube: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.linalg.solve(hessian, -gradient)
     except np.linalg.LinAlgError:
         return np.zeros(3)
+
+
+def orientation(integral: NDArray[np.int32], x: float, y: float, size: float) -> float:
+    """Orientation of one key point, degrees in 0…360; −1 where no Haar filter fits into the image."""
+    offsets, weights = circle_samples()
+    s = size * 1.2 / 9
+    half = round(2 * s)
+    left, top = np.rint(np.array([[x], [y]]) + offsets.T * s - (2 * half - 1) / 2).astype(int)
+    inside = (left >= 0) & (top >= 0) & (left + 2 * half < integral.shape[1]) & (top + 2 * half < integral.shape[0])
+    if not inside.any():
+        return -1.0
+    haar = _haar_responses(integral, left[inside], top[inside], half) * weights[inside]
+    directions = np.rint(np.degrees(np.arctan2(haar[1], haar[0])) % 360)
+    centers = np.arange(0, 360, 5)
+    apart = np.abs(directions[None] - centers[:, None])
+    sums = ((apart < 30) | (apart > 330)) @ haar.T
+    best_x, best_y = sums[np.argmax((sums**2).sum(axis=1))]
+    return float(np.degrees(np.arctan2(-best_y, best_x)) % 360)
+
+
+def _haar_responses(
+    integral: NDArray[np.int32], left: NDArray[np.intp], top: NDArray[np.intp], half: int
+) -> NDArray[np.float64]:
+    """Right − left and upper − lower half of squares of side 2 · half, as means: (2, n)."""
+
+    def mean(x0: int, y0: int, x1: int, y1: int) -> NDArray[np.float64]:
+        rows, columns = (top + y0, top + y1), (left + x0, left + x1)
+        total = integral[rows[1], columns[1]] + integral[rows[0], columns[0]]
+        total -= integral[rows[0], columns[1]] + integral[rows[1], columns[0]]
+        return total / (2 * half * half)
+
+    side = 2 * half
+    right_minus_left = mean(half, 0, side, side) - mean(0, 0, half, side)
+    upper_minus_lower = mean(0, 0, side, half) - mean(0, half, side, side)
+    return np.stack([right_minus_left, upper_minus_lower])
+
+
+def descriptor(
+    gray: NDArray[np.uint8], x: float, y: float, size: float, angle_deg: float, extended: bool = False
+) -> NDArray[np.float64]:
+    """Descriptor (64,) or (128,) of one key point."""
+    patch = averaged(turned_window(gray, x, y, int(PATCH_SIDE * size * 1.2 / 9), angle_deg), PATCH_SIDE)
+    upper_left, upper_right = patch[:-1, :-1], patch[:-1, 1:]
+    lower_left, lower_right = patch[1:, :-1], patch[1:, 1:]
+    weights = np.outer(gaussian(PATCH_SIDE - 1, CELL_SIGMA), gaussian(PATCH_SIDE - 1, CELL_SIGMA))
+    dx = (upper_right - upper_left + lower_right - lower_left) * weights
+    dy = (lower_left - upper_left + lower_right - upper_right) * weights
+    if extended:
+        down, right = dy >= 0, dx >= 0
+        signed = [part for values, chosen in ((dx, down), (dx, ~down), (dy, right), (dy, ~right))
+                  for part in (values * chosen, abs(values) * chosen)]  # fmt: skip
+    else:
+        signed = [dx, dy, abs(dx), abs(dy)]
+    cells = np.stack([values.reshape(4, 5, 4, 5).sum(axis=(1, 3)) for values in signed], axis=2).ravel()
+    length = np.linalg.norm(cells)
+    return cells / length if length else cells
+
+
+def turned_window(gray: NDArray[np.uint8], x: float, y: float, side: int, angle_deg: float) -> NDArray[np.float64]:
+    """Square window whose rows run along the angle, bilinear, rounded; the nearest pixel outside the image."""
+    cosine, sine = np.cos(np.deg2rad(angle_deg)), -np.sin(np.deg2rad(angle_deg))
+    down, right = np.mgrid[:side, :side] - (side - 1) / 2
+    columns = x + right * cosine + down * sine
+    rows = y - right * sine + down * cosine
+    height, width = gray.shape
+    left, top = np.floor(columns).astype(int), np.floor(rows).astype(int)
+    inside = (left >= 0) & (left < width - 1) & (top >= 0) & (top < height - 1)
+    left = np.where(inside, left, np.clip(np.rint(columns), 0, width - 1)).astype(int)
+    top = np.where(inside, top, np.clip(np.rint(rows), 0, height - 1)).astype(int)
+    a, b = np.where(inside, columns - left, 0), np.where(inside, rows - top, 0)
+    right_of, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    upper = (1 - a) * gray[top, left] + a * gray[top, right_of]
+    lower = (1 - a) * gray[below, left] + a * gray[below, right_of]
+    window: NDArray[np.float64] = np.rint((1 - b) * upper + b * lower)
+    return window
+
+
+def averaged(window: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+    """Mean over each of side × side equal areas of a window, rounded to whole levels."""
+    shares = area_shares(len(window), side)
+    patch: NDArray[np.float64] = np.rint(shares @ window @ shares.T)
+    return patch
+
+
+def area_shares(length: int, cells: int) -> NDArray[np.float64]:
+    """(cells, length) shares of pixels in equal cells along a line; each row sums to 1."""
+    edges = np.arange(cells + 1)[:, None] * (length / cells)
+    covered = np.clip(edges - np.arange(length), 0, 1)
+    shares: NDArray[np.float64] = np.diff(covered, axis=0) * (cells / length)
+    return shares

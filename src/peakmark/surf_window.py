@@ -92,9 +92,11 @@ def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):  # type
     """
     angle = angle_deg * np.float32(np.pi / 180)
     sine, cosine = np.float32(-np.sin(angle)), np.float32(np.cos(angle))
-    # Distances from a pixel close to the window keep single precision fine: 1e-5 px and better.
+    # Distances from a pixel close to the window keep single precision fine: 1e-5 px and better. Even coordinates, as
+    # halves are rounded to even.
     span = np.float32(side) * (abs(sine) + abs(cosine)) * np.float32(0.5) + np.float32(2.0)
-    left, top = np.int64(np.floor(x - span)), np.int64(np.floor(y - span))
+    left = min(max(np.int64(np.floor(x - span)), -np.int64(2 * span)), shape[1]) // 2 * 2
+    top = min(max(np.int64(np.floor(y - span)), -np.int64(2 * span)), shape[0]) // 2 * 2
     inside = left >= 0 and top >= 0 and x + span < shape[1] and y + span < shape[0]
     starts, quads, window = buffers.starts, buffers.quads, buffers.window
     _start_rows(x, y, sine, cosine, left, top, side, starts)

@@ -1,4 +1,4 @@
-"""The paper's rule: stretch, rank, drop, signature; duplicates and ghosts never become markers."""
+"""Both rules: every marker, nothing else; duplicates and ghosts never become markers."""
 
 import cv2
 import numpy as np
@@ -6,8 +6,13 @@ import pytest
 from helpers import marker_view
 
 from peakmark.errors import InputError
-from peakmark.identification import above_drop, identify, stretched, stretched_features, unstretched
+from peakmark.identification import Rule, identify
+from peakmark.identification_joint import box_variance, one_each, quotients
+from peakmark.identification_paper import above_drop
 from peakmark.keypoints import Keypoints
+from peakmark.marker import surf_marker
+
+both_rules = pytest.mark.parametrize("rule", ["paper", "joint"])
 
 
 def floor_with_markers(centers: list[tuple[int, int]], side_px: int = 45) -> np.ndarray:
@@ -21,9 +26,10 @@ def floor_with_markers(centers: list[tuple[int, int]], side_px: int = 45) -> np.
     return picture
 
 
-def test_all_markers_and_nothing_else_strongest_first() -> None:
+@both_rules
+def test_all_markers_and_nothing_else_strongest_first(rule: Rule) -> None:
     centers = [(80, 90), (200, 120), (330, 100), (140, 300), (400, 380)]
-    found = identify(floor_with_markers(centers), stretch=1.0)
+    found = identify(floor_with_markers(centers), stretch=1.0, rule=rule)
     assert len(found) == len(centers)
     assert {min(centers, key=lambda c: float(np.hypot(*(d.xy - c)))) for d in found} == set(centers)
     assert max(min(np.hypot(*(d.xy - c)) for c in centers) for d in found) < 1.0
@@ -33,38 +39,90 @@ def test_all_markers_and_nothing_else_strongest_first() -> None:
     assert all(d.polarity == "dark" and abs(d.size - 45) < 8 for d in found)
 
 
-def test_light_markers_are_those_of_the_negative() -> None:
+def test_the_paper_finds_light_markers_as_those_of_the_negative() -> None:
     picture = floor_with_markers([(80, 90), (330, 300)])
-    assert identify(255 - picture, stretch=1.0, polarity="dark") == ()
-    dark, light = identify(picture, stretch=1.0), identify(255 - picture, stretch=1.0, polarity="light")
+    assert identify(255 - picture, stretch=1.0, polarity="dark", rule="paper") == ()
+    dark = identify(picture, stretch=1.0, rule="paper")
+    light = identify(255 - picture, stretch=1.0, polarity="light", rule="paper")
+    assert len(dark) == 2
     assert np.allclose([d.xy for d in dark], [d.xy for d in light], atol=0.02)
 
 
-def test_a_plain_picture_has_no_markers() -> None:
-    assert identify(np.full((300, 400), 77, np.uint8)) == ()
+def test_light_and_dark_markers_on_white_paper_are_told_apart() -> None:
+    picture = floor_with_markers([(80, 90)])
+    picture[267:334, 297:364] = np.pad(surf_marker(45, "light"), 11, constant_values=255)
+    for polarity, center in (("dark", (80, 90)), ("light", (330, 300))):
+        found = identify(picture, stretch=1.0, polarity=polarity)
+        assert len(found) == 1
+        assert np.allclose(found[0].xy, center, atol=0.05)
 
 
-def test_stretching_finds_a_squashed_marker_where_it_is() -> None:
+@both_rules
+def test_a_plain_picture_has_no_markers(rule: Rule) -> None:
+    assert identify(np.full((300, 400), 77, np.uint8), rule=rule) == ()
+
+
+@both_rules
+def test_stretching_finds_a_squashed_marker_where_it_is(rule: Rule) -> None:
     tall = floor_with_markers([(150, 200), (380, 300)])
     flat = cv2.resize(tall, None, fx=1, fy=0.5, interpolation=cv2.INTER_AREA)
-    found = sorted(identify(flat, stretch=2.0), key=lambda d: float(d.xy[0]))
+    found = sorted(identify(flat, stretch=2.0, rule=rule), key=lambda d: float(d.xy[0]))
     expected = np.array([[150, (200.5 / 2) - 0.5], [380, (300.5 / 2) - 0.5]])
     assert np.allclose([d.xy for d in found], expected, atol=0.6)
     assert all(abs(d.size - 45 / np.sqrt(2)) < 6 for d in found)
 
 
-def test_features_are_mapped_back_through_the_stretch() -> None:
-    points = Keypoints([[10, 4.5], [0, -0.5]], [20, 20], [0, 0], [2, 1], [0, 0], [1, 1], [20, 20])  # type: ignore[arg-type]
-    back = unstretched(points, 2.0)
-    assert np.allclose(back.xy, [[10, 2.0], [0, -0.5]])
-    assert np.allclose(back.size, 20 / np.sqrt(2))
+def test_a_lone_marker_is_found_and_without_it_nothing() -> None:
+    assert [d.xy.round().tolist() for d in identify(floor_with_markers([(200, 150)]), stretch=1.0)] == [[200, 150]]
+    assert identify(floor_with_markers([]), stretch=1.0) == ()
 
 
-def test_stretched_rows_are_where_the_mapping_says() -> None:
-    ramp = np.repeat(np.arange(0, 200, 2, dtype=np.uint8)[:, None], 8, axis=1)
-    tall = stretched(ramp, 2.0)
-    rows = np.arange(2, 198)
-    assert np.abs(tall[rows, 3] - 2 * ((rows + 0.5) / 2 - 0.5)).max() <= 0.5
+def test_the_joint_rule_refines_centre_and_shape() -> None:
+    found = identify(floor_with_markers([(200, 150), (340, 330)]), stretch=1.0)
+    for detection, center in zip(sorted(found, key=lambda d: float(d.xy[0])), [(200, 150), (340, 330)], strict=True):
+        assert np.allclose(detection.xy, center, atol=0.05)
+        assert detection.affinity is not None
+        assert np.allclose(np.linalg.svd(detection.affinity, compute_uv=False), 45, atol=0.5)
+        assert detection.explained is not None
+        assert detection.explained > 0.99
+
+
+@pytest.mark.parametrize("exposure", [0.3, 0.6])
+def test_dim_light_changes_nothing(exposure: float) -> None:
+    centers = [(80, 90), (330, 100), (140, 300)]
+    dim = np.rint(exposure * floor_with_markers(centers)).astype(np.uint8)
+    assert len(identify(dim, stretch=1.0)) == 3
+
+
+@pytest.mark.parametrize("name", ["coins", "moon", "page"])
+def test_photographs_hold_no_markers(name: str) -> None:
+    from skimage import data
+
+    assert identify(getattr(data, name)()) == ()
+
+
+def test_an_unknown_rule_is_refused() -> None:
+    with pytest.raises(InputError, match="rule: expected one of joint, paper, got 'guess'"):
+        identify(np.zeros((50, 50), np.uint8), rule="guess")  # type: ignore[arg-type]
+
+
+def test_the_marker_itself_has_nearly_the_largest_quotient() -> None:
+    picture = marker_view(45)
+    at_center = Keypoints([[128, 128]], [45], [0], [90_200], [0], [1], [45])  # type: ignore[arg-type]
+    assert quotients(picture, at_center, 1.0)[0] == pytest.approx(1, abs=0.02)
+
+
+def test_variances_are_those_of_the_pixels_in_the_boxes() -> None:
+    gray = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
+    centers, sizes = np.array([[30, 20], [5, 5], [70, 50]], np.float32), np.array([[9, 5], [3, 7], [1, 1.0]])
+    expected = [gray[18:23, 26:35].var(), gray[2:9, 4:7].var(), 0.0]
+    assert np.allclose(box_variance(gray, centers, sizes), expected)
+
+
+def test_one_of_each_is_kept_the_better_one() -> None:
+    xy, sides = np.array([[0, 0], [10, 0], [40, 0.0]]), np.full(3, 20.0)
+    assert one_each(xy, sides, np.array([0.5, 0.9, 0.1])).tolist() == [1, 2]
+    assert one_each(xy[:0], sides[:0], sides[:0]).tolist() == []
 
 
 @pytest.mark.parametrize(
@@ -72,9 +130,3 @@ def test_stretched_rows_are_where_the_mapping_says() -> None:
 )
 def test_the_largest_drop_separates(responses: list[float], count: int) -> None:
     assert above_drop(np.array(responses, dtype=np.float32)) == count
-
-
-@pytest.mark.parametrize("stretch", [0.0, -1.0, float("nan"), 9.0])
-def test_a_senseless_stretch_is_refused(stretch: float) -> None:
-    with pytest.raises(InputError, match=r"stretch: expected 0\.25…8"):
-        stretched_features(np.zeros((20, 20), np.uint8), stretch)

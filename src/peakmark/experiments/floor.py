@@ -4,7 +4,7 @@ import resource
 from collections.abc import Iterator
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from peaksim.sensor import apply_sensor
 
 from peakmark import identification
 from peakmark.errors import InputError
-from peakmark.identification import Identification
+from peakmark.gray import as_gray
+from peakmark.identification import Identification, Rule
 from peakmark.score import Score, localisation, score_frame
 
 
@@ -35,6 +36,8 @@ class FloorConfig:
     """Vertical stretch before detection."""
     frames: int = 1
     """Frames along the trajectory; 1 looks from its first pose."""
+    rule: Rule = "paper"
+    """How key points become markers."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (
@@ -42,6 +45,7 @@ class FloorConfig:
             ("frames", self.frames, 1 <= self.frames <= 1_000_000, "1…1000000"),
             ("stretch", self.stretch, 0.25 <= self.stretch <= 8, "0.25…8"),
             ("renderer", self.renderer, self.renderer in ("auto", "gl", "exact"), "auto, gl or exact"),
+            ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
         ):
             if not fits:
                 raise InputError(f"--{name}: expected {expected}, got {value}")
@@ -99,19 +103,13 @@ def look(setup: Setup, config: FloorConfig, index: int, time_s: float) -> View:
     frame = render(setup.scene, setup.camera, pose, renderer=config.renderer, time_s=time_s)
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     rendered = perf_counter()
-    features = identification.stretched_features(gray(frame.image), config.stretch)
+    picture = as_gray(frame.image)
+    features = identification.stretched_features(picture, config.stretch)
     detected = perf_counter()
-    found = identification.examine(features)
+    found = identification.examine(picture, features, "dark", config.rule, config.stretch)
     score = score_frame(frame.truth, found.detections, found.features)
     times = {"render": rendered - start, "detect": detected - rendered, "identify": perf_counter() - detected}
     return View(index, frame, found, score, times)
-
-
-def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return an image as grey, (H, W)."""
-    import cv2
-
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
 def peak_memory_mb() -> float:

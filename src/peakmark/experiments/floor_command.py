@@ -1,7 +1,8 @@
 """The command behind `scripts/render_floor.py`: arguments, progress, and what the terminal shows."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 from peaksim.rendering import Renderer
 from rich.console import Console
@@ -9,39 +10,95 @@ from rich.progress import Progress
 from rich.table import Table
 from typer import Option
 
+from peakmark.experiments.flight import FlightConfig
 from peakmark.experiments.floor import FloorConfig
+from peakmark.identification import Rule
 
 
 def render_floor(
-    scene: Annotated[str, Option(help="Scene file, or the name of a shipped scene.")] = "floor",
+    scene: Annotated[str | None, Option(help="Scene file, or the name of a shipped scene. [default: floor]")] = None,
     out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/floor"),
     renderer: Annotated[str, Option(help="gl (pyrender), exact (planar scenes, no OpenGL) or auto.")] = "auto",
     seed: Annotated[int, Option(help="Seed of the sensor noise.")] = 0,
     texture: Annotated[str | None, Option(help="Floor photograph: gravel, brick, grass. [default: gravel]")] = None,
-    stretch: Annotated[float, Option(help="Vertical stretch before detection; the paper takes 2.")] = 2.0,
-    frames: Annotated[int, Option(help="Frames along the path, each scored; more than 1 also makes a film.")] = 1,
+    stretch: Annotated[
+        float | None,
+        Option(help="Vertical stretch before detection. [default: the paper's 2; on a ride what its pitch implies]"),
+    ] = None,
+    frames: Annotated[
+        int | None,
+        Option(help="Frames along the path, each scored; more than 1 also makes a film. [default: 1; a ride: all]"),
+    ] = None,
+    rule: Annotated[
+        str | None, Option(help="paper (rank and response drop) or joint. [default: paper; on a ride joint]")
+    ] = None,
+    trajectory: Annotated[
+        str | None,
+        Option(help="Fly through: a ride (stroll, bumpy, sharp or a TOML file), or TUM, EuRoC or KITTI poses."),
+    ] = None,
+    resume: Annotated[
+        bool, Option("--resume", help="Keep the finished frames of an interrupted --trajectory.")
+    ] = False,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Redo the paper's robot experiment: render a lab floor with 14 markers, find them with SURF, score against truth.
 
     Writes frame.png, overlay.png (Figure 10), responses.png (Figure 11), signatures.png (Figure 12), report.html and
-    result.json; with --frames also frames.csv and flight.mp4.
+    result.json; with --frames also frames.csv and flight.mp4. With --trajectory it flies through instead, and writes
+    frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and result.json.
     """
-    from peakmark.experiments.floor_results import result_rows, run
-    from peakmark.report import cell
-
     console = Console(stderr=False, quiet=quiet)
-    config = FloorConfig(scene, texture, cast(Renderer, renderer), seed, stretch, frames)
-    with Progress(console=console, transient=True, disable=quiet) as progress:
-        task = progress.add_task("load scene", total=frames + 1)
+    if trajectory is not None:
+        flight = FlightConfig(
+            trajectory, scene, texture, cast(Renderer, renderer), seed, stretch, cast(Rule, rule or "joint"), frames
+        )
+        _fly(console, flight, out, resume)
+    else:
+        still = FloorConfig(
+            scene or "floor", texture, cast(Renderer, renderer), seed, 2.0 if stretch is None else stretch,
+            1 if frames is None else frames, cast(Rule, rule or "paper"),
+        )  # fmt: skip
+        _render(console, still, out)
+    console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
+
+
+def _render(console: Console, config: FloorConfig, out: Path) -> None:
+    from peakmark.experiments.floor_results import result_rows, run
+
+    with Progress(console=console, transient=True, disable=console.quiet) as progress:
+        task = progress.add_task("load scene", total=config.frames + 1)
 
         def on_step() -> None:
             progress.update(task, advance=1, description="render, detect, identify, score")
 
         result = run(config, out, on_step)
-    table = Table("figure", "value", title=f"{scene} · {result['renderer']} · seed {seed}")
-    table.columns[1].justify = "right"
-    for name, value in result_rows(result):
-        table.add_row(name, cell(value))
+    title = f"{config.scene} · {result['renderer']} · seed {config.seed}"
+    _print_table(console, title, ("figure", "value"), result_rows(result))
+
+
+def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
+    from peakmark.experiments.flight_report import result_rows
+    from peakmark.experiments.flight_results import run
+
+    with Progress(console=console, transient=True, disable=console.quiet) as progress:
+        task = progress.add_task("load scene", total=None)
+
+        def on_step(total: int) -> None:
+            progress.update(task, advance=1, total=total + 1, description="render, detect, identify, score")
+
+        result = run(config, out, is_resumed, on_step)
+    for remark in result["remarks"]:
+        console.print(f"note: {remark}")
+    title = f"{config.trajectory} · {result['renderer']} · seed {config.seed}"
+    _print_table(console, title, ("figure", "value", "low", "high", "of"), result_rows(result))
+
+
+def _print_table(console: Console, title: str, head: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> None:
+    from peakmark.report import cell
+
+    table = Table(*head, title=title)
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for name, *values in rows:
+        table.add_row(name, *map(cell, values))
     console.print(table)
-    console.print(f"Results: {out / 'report.html'}", soft_wrap=True)

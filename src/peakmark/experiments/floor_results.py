@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from peakmark import plots
 from peakmark.experiments.floor import FloorConfig, Tally, View, fly, open_scene, peak_memory_mb
 from peakmark.film import film
-from peakmark.identification import SIGNATURE_LIMIT
+from peakmark.identification_paper import SIGNATURE_LIMIT
 from peakmark.overlay import draw_overlay
 from peakmark.report import Section, Table, jpeg_uri, svg_uri, write_report
 from peakmark.results import result_folder, write_json

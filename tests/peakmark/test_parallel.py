@@ -1,0 +1,53 @@
+"""The thread pool: order, count and forks."""
+
+import os
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from peakmark import parallel
+from peakmark.errors import InputError
+
+
+@given(st.integers(0, 1000), st.integers(1, 50))
+def test_bands_cover_the_range_once_and_evenly(length: int, count: int) -> None:
+    cut = parallel.bands(length, count)
+    assert [i for first, last in cut for i in range(first, last)] == list(range(length))
+    lengths = [last - first for first, last in cut]
+    assert len(cut) <= count
+    assert not lengths or max(lengths) - min(lengths) <= 1
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_results_come_in_the_order_of_the_tasks(count: int) -> None:
+    with parallel.threads(count):
+        assert parallel.map_parallel(lambda x: x * x, range(50)) == [x * x for x in range(50)]
+
+
+def test_several_threads_work() -> None:
+    barrier = threading.Barrier(2)
+    with parallel.threads(2):
+        assert parallel.map_parallel(lambda _: barrier.wait(timeout=20), range(2)).count(0) == 1
+
+
+def test_the_count_is_the_callers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
+    assert parallel.thread_count() == 3
+    with parallel.threads(7):
+        assert parallel.thread_count() == 7
+    assert parallel.thread_count() == 3
+    monkeypatch.delenv("NUMBA_NUM_THREADS")
+    assert parallel.thread_count() == len(os.sched_getaffinity(0))
+    with pytest.raises(InputError, match="at least 1, got 0"):
+        parallel.set_thread_count(0)
+
+
+def test_a_forked_child_gets_its_own_pool() -> None:
+    with parallel.threads(2):
+        parallel.map_parallel(abs, range(4))
+        child = os.fork()
+        if child == 0:
+            os._exit(0 if parallel.map_parallel(abs, range(-4, 0)) == [4, 3, 2, 1] else 1)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
