@@ -68,7 +68,7 @@ def _load_texture(name: str, table: schema.TextureTable, variant: str | None, fo
             raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
         field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
     photo = _read_photo(_find_picture(str(file), folder, field), field)
-    return Paper(_with_contrast(photo, table.contrast, table.mean), table.photo_m)
+    return Paper(with_contrast(photo, table.contrast, table.mean), table.photo_m)
 
 
 def _find_picture(file: str, folder: Path, field: str) -> Path:
@@ -87,7 +87,7 @@ def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     return np.asarray(photo, dtype=np.uint8)
 
 
-def _with_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
+def with_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
     """Scale the deviations from the mean grey level by `contrast` and move the mean to `mean`."""
     own_mean = photo.mean(axis=(0, 1))
     levels = contrast * (photo - own_mean) + (own_mean if mean is None else mean)
@@ -127,13 +127,14 @@ def room_quads(room: schema.RoomTable | None, textures: Mapping[str, Paper]) -> 
         return
     low, high = np.array(room.min_m), np.array(room.max_m)
     middle, (width, depth, height) = (low + high) / 2, high - low
+    walls = room.walls if isinstance(room.walls, tuple) else (room.walls,) * 4
     faces: list[tuple[str, str | None, str, tuple[float, float], list[float], list[float], list[float]]] = [
         ("floor", room.floor, "floor", (width, depth), [middle[0], middle[1], low[2]], [0, 0, 1], [0, 1, 0]),
         ("ceiling", room.ceiling, "ceiling", (width, depth), [middle[0], middle[1], high[2]], [0, 0, -1], [0, 1, 0]),
-        ("wall_x_min", room.walls, "walls", (depth, height), [low[0], middle[1], middle[2]], [1, 0, 0], [0, 0, 1]),
-        ("wall_x_max", room.walls, "walls", (depth, height), [high[0], middle[1], middle[2]], [-1, 0, 0], [0, 0, 1]),
-        ("wall_y_min", room.walls, "walls", (width, height), [middle[0], low[1], middle[2]], [0, 1, 0], [0, 0, 1]),
-        ("wall_y_max", room.walls, "walls", (width, height), [middle[0], high[1], middle[2]], [0, -1, 0], [0, 0, 1]),
+        ("wall_x_min", walls[0], "walls", (depth, height), [low[0], middle[1], middle[2]], [1, 0, 0], [0, 0, 1]),
+        ("wall_x_max", walls[1], "walls", (depth, height), [high[0], middle[1], middle[2]], [-1, 0, 0], [0, 0, 1]),
+        ("wall_y_min", walls[2], "walls", (width, height), [middle[0], low[1], middle[2]], [0, 1, 0], [0, 0, 1]),
+        ("wall_y_max", walls[3], "walls", (width, height), [middle[0], high[1], middle[2]], [0, -1, 0], [0, 0, 1]),
     ]  # fmt: skip
     for name, texture, field, size_m, center_m, normal, up in faces:
         if texture is not None:
@@ -154,35 +155,36 @@ def marker_quads(
     for i, table in enumerate(markers):
         field = f"markers[{i}]"
         pose = facing(table.normal, table.up, table.center_m, field)
-        yield _check_inside(_marker_quad(table.name, table, pose, field), room, f"{field}.center_m")
+        yield check_inside(_marker_quad(table.name, table, pose, field), room, f"{field}.center_m")
     for i, path in enumerate(paths):
         field = f"marker_paths[{i}]"
         for j, pose in enumerate(path_poses(path)):
             quad = _marker_quad(f"{path.name}{j + 1:02d}", path, pose, field)
-            yield _check_inside(quad, room, f"{field}.waypoints_m")
+            yield check_inside(quad, room, f"{field}.waypoints_m")
 
 
 def _marker_quad(name: str, table: schema.MarkerTable | schema.MarkerPathTable, pose: Pose, field: str) -> Quad:
     """Return the quad of one marker; its border is rounded to whole texels of the pattern."""
-    pattern = _pattern(table.kind, field)
+    pattern = marker_pattern(table.kind, f"{field}.kind")
     texel_m = table.side_m / len(pattern)
     border = round(table.border_m / texel_m)
     side_m = (len(pattern) + 2 * border) * texel_m
     return Quad(name, _tile(table.kind, border), (side_m, side_m), pose, Mark(name, table.kind, table.side_m))
 
 
-def _pattern(kind: str, field: str) -> NDArray[np.uint8]:
-    picture = shipped.ASSETS / "markers" / f"{kind}.png"
-    if not picture.is_file():
-        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
-        raise SceneError(f"{field}.kind: expected one of {known}, got {kind!r}")
-    return _read_photo(picture, f"{field}.kind")
-
-
 @lru_cache(maxsize=64)
 def _tile(kind: str, border: int) -> Texture:
     """Return a pattern with a white border of whole texels; equal markers share one texture."""
-    return Texture.from_array(np.pad(_pattern(kind, "kind"), border, constant_values=_WHITE))
+    return Texture.from_array(np.pad(marker_pattern(kind, "kind"), border, constant_values=_WHITE))
+
+
+def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
+    """Return the (side, side) picture of a shipped marker."""
+    picture = shipped.ASSETS / "markers" / f"{kind}.png"
+    if not picture.is_file():
+        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
+        raise SceneError(f"{field}: expected one of {known}, got {kind!r}")
+    return _read_photo(picture, field)
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
@@ -195,7 +197,8 @@ def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
     ]
 
 
-def _check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
+def check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
+    """Return a quad with markers, refusing one outside the room."""
     if room is not None:
         corners = quad.corners_m
         if not ((corners >= np.array(room.min_m) - 1e-9) & (corners <= np.array(room.max_m) + 1e-9)).all():

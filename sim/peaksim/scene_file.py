@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from peaksim import scene_build, shipped
+from peaksim import scene_build, scene_posters, shipped
 from peaksim.camera import Camera
 from peaksim.errors import InputError, SceneError
 from peaksim.scene import Scene
@@ -89,7 +89,8 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
     textures = scene_build.load_textures(table.textures, variants or {}, folder)
     scene = Scene(
         quads=(*scene_build.room_quads(table.room, textures), *scene_build.quads(table.quads, textures),
-               *scene_build.marker_quads(table.markers, table.marker_paths, table.room)),
+               *scene_build.marker_quads(table.markers, table.marker_paths, table.room),
+               *scene_posters.poster_quads(table.posters, table.room)),
         meshes=scene_build.meshes(table.boxes, table.tables),
         lights=scene_build.lights(table.lights),
         background=table.background,

@@ -10,6 +10,8 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 GreyLevel = Annotated[float, Field(ge=0, le=255, allow_inf_nan=False)]
 Point2 = tuple[Number, Number]
 Point3 = tuple[Number, Number, Number]
+GridRow = Annotated[str, Field(min_length=1, max_length=200)]
+Copies = Annotated[int, Field(ge=1, le=100)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
 
 
@@ -62,7 +64,7 @@ class RoomTable(Table):
     min_m: Point3
     max_m: Point3
     floor: str | None = None
-    walls: str | None = None
+    walls: str | tuple[str, str, str, str] | None = None
     ceiling: str | None = None
 
     @model_validator(mode="after")
@@ -105,6 +107,39 @@ class MarkerPathTable(Table):
     border_m: NotNegative = 0.0
     waypoints_m: Annotated[tuple[Point2, ...], Field(min_length=2)]
     height_m: NotNegative = 0.001
+
+
+class PosterTable(Table):
+    """`[[posters]]`: paper with a grid of markers of one size, hung up once or several times side by side."""
+
+    name: Name
+    paper_m: tuple[Positive, Positive] = (0.210, 0.297)
+    level: GreyLevel = 255.0
+    rows: Annotated[tuple[GridRow, ...], Field(min_length=1, max_length=200)]
+    kinds: dict[Annotated[str, Field(min_length=1, max_length=1)], Name] = Field(
+        default_factory=lambda: {"D": "surf-dark", "L": "surf-light"}
+    )
+    side_m: Positive
+    pitch_m: Positive
+    center_m: Point3
+    normal: Point3
+    up: Point3 = (0.0, 0.0, 1.0)
+    turn_deg: Number = 0.0
+    copies: tuple[Copies, Copies] = (1, 1)
+    step_m: tuple[Positive, Positive] | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> "PosterTable":
+        known = {".", *self.kinds}
+        if {letter for row in self.rows for letter in row} - known or len({len(row) for row in self.rows}) > 1:
+            letters = " ".join(sorted(known))
+            raise ValueError(f"expected rows of equal length with the letters {letters}, got {self.rows!r}")
+        if not self.side_m <= self.pitch_m:
+            raise ValueError(f"expected pitch_m of at least side_m, got {self.pitch_m} and {self.side_m}")
+        used = [(n - 1) * self.pitch_m + self.side_m for n in (len(self.rows[0]), len(self.rows))]
+        if not all(a <= b + 1e-9 for a, b in zip(used, self.paper_m, strict=True)):
+            raise ValueError(f"expected paper_m of at least {used[0]:.4g}×{used[1]:.4g} m, got {self.paper_m}")
+        return self
 
 
 class BoxTable(Table):
@@ -159,6 +194,7 @@ class SceneTable(Table):
     quads: tuple[QuadTable, ...] = ()
     markers: tuple[MarkerTable, ...] = ()
     marker_paths: tuple[MarkerPathTable, ...] = ()
+    posters: tuple[PosterTable, ...] = ()
     boxes: tuple[BoxTable, ...] = ()
     tables: tuple[DeskTable, ...] = ()
     lights: tuple[LightTable, ...] = ()

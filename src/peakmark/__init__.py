@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from peakmark import marker, surf
+    from peakmark.arrays import decode_arrays
     from peakmark.identification import Detection, identify
     from peakmark.keypoints import Keypoints
 
 _LAZY = {
     "Detection": ("peakmark.identification", "Detection"),
     "Keypoints": ("peakmark.keypoints", "Keypoints"),
+    "decode_arrays": ("peakmark.arrays", "decode_arrays"),
     "identify": ("peakmark.identification", "identify"),
     "marker": ("peakmark.marker", None),
     "surf": ("peakmark.surf", None),
 }
 """Public name → (module, attribute in it); None is the module itself."""
 
-__all__ = ["Detection", "Keypoints", "identify", "marker", "surf"]
+__all__ = ["Detection", "Keypoints", "decode_arrays", "identify", "marker", "surf"]
 
 
 def __getattr__(name: str) -> Any:

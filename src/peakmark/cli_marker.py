@@ -15,20 +15,14 @@ from peakmark.sheet_files import write
 
 
 def marker(
-    kind: Annotated[
-        str, typer.Argument(help="surf, sift, array (all eight 3-bit arrays) or array-0 … array-7")
-    ],
+    kind: Annotated[str, typer.Argument(help="surf, sift, array (all eight 3-bit arrays) or array-0 … array-7")],
     out: Annotated[Path, typer.Option(help="directory for the sheet and result.json")] = Path("out/marker"),
     side_mm: Annotated[float, typer.Option(help="side of one marker without border")] = 80.0,
     border_mm: Annotated[float, typer.Option(help="white border inside the crop marks")] = 5.0,
-    gap_mm: Annotated[
-        float | None, typer.Option(help="between an array's markers; half a side if absent")
-    ] = None,
+    gap_mm: Annotated[float | None, typer.Option(help="between an array's markers; half a side if absent")] = None,
     count: Annotated[int, typer.Option(help="how many of each")] = 1,
     light: Annotated[bool, typer.Option("--light", help="light centre instead of dark")] = False,
-    limit: Annotated[
-        str, typer.Option(help="energy: the paper's grey marker; range: the binary one")
-    ] = "energy",
+    limit: Annotated[str, typer.Option(help="energy: the paper's grey marker; range: the binary one")] = "energy",
     format: Annotated[str, typer.Option(help="pdf or svg (vector), png (pixels)")] = "pdf",
     dpi: Annotated[float, typer.Option(help="dots per inch of a PNG")] = 1200.0,
     paper: Annotated[str, typer.Option(help="a2 … a5, letter, legal, tabloid or WIDTHxHEIGHT in mm")] = "a4",

@@ -90,8 +90,9 @@ def pose_from_points(camera: Camera, xy: ArrayLike, points_m: ArrayLike, sigma_p
     if len(seen) < 4 or _is_line(points):
         return None
     markers = Markers(seen, points, np.zeros((len(points), 3, 2)), sigma_px=sigma_px)
-    fits = sorted((refine_pose(camera, start, markers) for start in _pnp(camera, seen, points)), key=lambda f: f.cost)
-    if not fits or (len(fits) > 1 and _is_other(fits[0], fits[1]) and fits[1].cost - fits[0].cost < _FLIP_MARGIN):
+    starts = candidate_poses(camera, seen, points)
+    fits = sorted((refine_pose(camera, start, markers) for start in starts), key=lambda f: f.cost)
+    if not fits or (len(fits) > 1 and is_other(fits[0], fits[1]) and fits[1].cost - fits[0].cost < _FLIP_MARGIN):
         return None
     return fits[0]
 
@@ -198,7 +199,7 @@ def _shape_errors(affinity: NDArray[np.float64], expected: NDArray[np.float64]) 
     return np.stack([excess[..., 0, 0] / (2 * lengths[:, 0]), excess[..., 1, 1] / (2 * lengths[:, 1]), both], axis=-1)
 
 
-def _pnp(camera: Camera, xy: NDArray[np.float64], points_m: NDArray[np.float64]) -> list[Pose]:
+def candidate_poses(camera: Camera, xy: NDArray[np.float64], points_m: NDArray[np.float64]) -> list[Pose]:
     """Return OpenCV's poses: both of a flat target, else SQPnP's."""
     import cv2
 
@@ -225,7 +226,7 @@ def _is_line(points_m: NDArray[np.float64]) -> bool:
     return bool(spread[1] < 1e-6 * max(spread[0], 1e-12))
 
 
-def _is_other(a: PoseFit, b: PoseFit) -> bool:
+def is_other(a: PoseFit, b: PoseFit) -> bool:
     """Return whether two fits are different poses, not one minimum reached twice."""
     apart = invert(a.world_from_camera) @ b.world_from_camera
     return bool(np.linalg.norm(apart[:3, 3]) > 1e-3 or np.trace(apart[:3, :3]) < 3 - 1e-6)

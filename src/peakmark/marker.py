@@ -37,9 +37,7 @@ DXY_WEIGHT = 0.81
 _MAX_SIDE_PX = 16384
 
 
-def surf_marker(
-    side_px: int = 147, polarity: Polarity = "dark", limit: Limit = "energy"
-) -> NDArray[np.uint8]:
+def surf_marker(side_px: int = 147, polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[np.uint8]:
     """Return the SURF marker as a (side_px, side_px) picture.
 
     The 9 × 9 cells are integrated over each pixel, so any `side_px` ≥ 9 keeps centre, symmetry and mean.
@@ -133,9 +131,7 @@ def surf_filters(kernel_side: int = SURF_CELLS) -> NDArray[np.float64]:
     Boxes are given on the 9-grid and scaled as OpenCV does, round-half-even in float32 (see `surf_optimum`).
     """
     _check_kernel_side(kernel_side)
-    edges = np.rint(
-        np.arange(SURF_CELLS + 1, dtype=np.float32) * np.float32(kernel_side / SURF_CELLS)
-    ).astype(int)
+    edges = np.rint(np.arange(SURF_CELLS + 1, dtype=np.float32) * np.float32(kernel_side / SURF_CELLS)).astype(int)
     gxx = np.zeros((kernel_side, kernel_side))
     gxy = np.zeros_like(gxx)
     for column, weight in zip((0, 3, 6), (1.0, -2.0, 1.0), strict=True):
@@ -145,9 +141,7 @@ def surf_filters(kernel_side: int = SURF_CELLS) -> NDArray[np.float64]:
     return np.stack([gxx, gxx.T, gxy])
 
 
-def _add_box(
-    target: NDArray[np.float64], rows: NDArray[np.int_], columns: NDArray[np.int_], weight: float
-) -> None:
+def _add_box(target: NDArray[np.float64], rows: NDArray[np.int_], columns: NDArray[np.int_], weight: float) -> None:
     box = target[slice(*rows), slice(*columns)]
     box += weight / box.size
 

@@ -107,9 +107,7 @@ def eigenpictures(
     return values[positive], (-np.sign(peaks) * pictures).reshape(len(positive), *filters.shape[1:])
 
 
-def _cone_optimum(
-    rows: NDArray[np.float64], form: NDArray[np.float64], start: NDArray[np.float64]
-) -> Optimum:
+def _cone_optimum(rows: NDArray[np.float64], form: NDArray[np.float64], start: NDArray[np.float64]) -> Optimum:
     """Return the global optimum over |xᵢ| ≤ 1 where A = Fᵀ M F has one positive eigenvalue, with its proof.
 
     {q ≥ 0} is then a double Lorentz cone, and on it the reverse Cauchy–Schwarz inequality

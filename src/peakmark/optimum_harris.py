@@ -19,9 +19,7 @@ _MAX_STEPS = 500
 _STARTS = 16
 
 
-def harris_optimum(
-    window: ArrayLike, limit: Limit, kappa: float = 0.04, derivative: ArrayLike = SOBEL
-) -> Optimum:
+def harris_optimum(window: ArrayLike, limit: Limit, kappa: float = 0.04, derivative: ArrayLike = SOBEL) -> Optimum:
     """Return the picture of greatest Harris response at the window's centre.
 
     Parameters
@@ -60,9 +58,7 @@ def gradient_filters(weights: NDArray[np.float64], derivative: NDArray[np.float6
     filters = np.zeros((2, m, m, m + d - 1, m + d - 1))
     for row, column in np.ndindex(m, m):
         for axis, kernel in enumerate((derivative, derivative.T)):
-            filters[axis, row, column, row : row + d, column : column + d] = (
-                np.sqrt(weights[row, column]) * kernel
-            )
+            filters[axis, row, column, row : row + d, column : column + d] = np.sqrt(weights[row, column]) * kernel
     return filters.reshape(2, m * m, m + d - 1, m + d - 1)
 
 
@@ -72,17 +68,13 @@ def harris_response(x: NDArray[np.float64], gradients: NDArray[np.float64], kapp
     return float(np.linalg.det(S) - kappa * np.trace(S) ** 2)
 
 
-def _tensor(
-    x: NDArray[np.float64], gradients: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _tensor(x: NDArray[np.float64], gradients: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the gradients (2, m²) at the window's places and the structure tensor (2, 2)."""
     g = np.tensordot(gradients, x, axes=2)
     return g, g @ g.T
 
 
-def _ascend(
-    x: NDArray[np.float64], gradients: NDArray[np.float64], kappa: float, limit: Limit
-) -> NDArray[np.float64]:
+def _ascend(x: NDArray[np.float64], gradients: NDArray[np.float64], kappa: float, limit: Limit) -> NDArray[np.float64]:
     """Climb from `x` towards the picture that the gradient of R asks for, while that helps."""
     for _ in range(_MAX_STEPS):
         g, S = _tensor(x, gradients)

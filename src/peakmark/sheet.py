@@ -182,9 +182,7 @@ def _capacity(cut_mm: float, paper_mm: tuple[float, float], name: str) -> tuple[
     return columns, rows
 
 
-def _page(
-    tiles: Sequence[Tile], columns: int, paper_mm: tuple[float, float], border_mm: float, label: str
-) -> Page:
+def _page(tiles: Sequence[Tile], columns: int, paper_mm: tuple[float, float], border_mm: float, label: str) -> Page:
     width, height = paper_mm
     cut = tiles[0].side_mm + 2 * border_mm
     pitch = cut + _GUTTER_MM

@@ -48,9 +48,7 @@ def write(pages: Sequence[Page], stem: Path, format: str = "pdf", dpi: float = 1
         path = stem.with_name(stem.name + ".pdf")
         path.write_bytes(pdf(pages))
         return (path,)
-    paths = [
-        stem.with_name(f"{stem.name}{f'-{n}' if n > 1 else ''}.{format}") for n in range(1, len(pages) + 1)
-    ]
+    paths = [stem.with_name(f"{stem.name}{f'-{n}' if n > 1 else ''}.{format}") for n in range(1, len(pages) + 1)]
     for page, path in zip(pages, paths, strict=True):
         if format == "svg":
             path.write_text(svg(page), encoding="utf-8")
@@ -162,9 +160,7 @@ def _stamp_disc(item: Disc, dots: float) -> Stamp:
 
 def _stamp_dog(item: Dog, dots: float) -> Stamp:
     half = item.side_mm / 2
-    left, top, cover, _ = _stamp_box(
-        Box(item.x_mm - half, item.y_mm - half, item.side_mm, item.side_mm, 0), dots
-    )
+    left, top, cover, _ = _stamp_box(Box(item.x_mm - half, item.y_mm - half, item.side_mm, item.side_mm, 0), dots)
     x = (left + 0.5 + np.arange(cover.shape[1])) / dots - item.x_mm
     y = (top + 0.5 + np.arange(cover.shape[0])) / dots - item.y_mm
     radius = np.hypot(x[None, :], y[:, None])

@@ -65,9 +65,7 @@ def test_pdf_scale_bar_has_the_stated_length(tmp_path):
     tick_row = round((297 - 8 - 2.2 - 2 - 1) * DOTS)
     dark = 255.0 - picture[tick_row]
     middle = len(dark) // 3
-    centroids = [
-        np.average(np.arange(a, b), weights=dark[a:b]) for a, b in ((0, middle), (middle, len(dark)))
-    ]
+    centroids = [np.average(np.arange(a, b), weights=dark[a:b]) for a, b in ((0, middle), (middle, len(dark)))]
     assert np.diff(centroids)[0] / DOTS == pytest.approx(laid_out[0].scale_bar_mm, abs=0.1)
 
 

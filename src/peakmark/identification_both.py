@@ -1,0 +1,125 @@
+"""Dark and light markers in one picture, any number of each (paper, Section 4.2: the SIFT/SURF CAVE).
+
+    SURF ─▶ classifier over response, version-independent signature and size ─▶ one key point a marker
+         ─▶ alignment with the printed pattern of its polarity ─▶ detections
+
+The sign of the Laplacian tells the polarity; `polarity_by_signature` is the other way that the paper names.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark import surf
+from peakmark.classification import Classifier, evidence, shipped_classifier
+from peakmark.identification import Detection
+from peakmark.identification_joint import SIDE_OF_SCALE, one_each
+from peakmark.keypoints import Keypoints
+from peakmark.marker import Polarity
+from peakmark.refine import Refined, refine
+from peakmark.signature import signature_distances
+
+THRESHOLD = 500.0
+"""Hessian threshold; a marker of a fifth of the full contrast at 45° answers with about 2000."""
+
+OCTAVES = 5
+"""One more than usual: markers to 500 px."""
+
+LEAST_EXPLAINED = 0.7
+"""Share of the grey levels' variance that the pattern must explain once aligned."""
+
+_PAD_SHARE = 0.05
+_POLARITIES: tuple[Polarity, Polarity] = ("light", "dark")
+"""By (Laplacian > 0): OpenCV's class_id is +1 for a dark centre."""
+
+
+@dataclass(frozen=True)
+class Both:
+    """Everything found in one picture."""
+
+    features: Keypoints
+    """All features, strongest first."""
+    evidence: NDArray[np.float64]
+    """(n, c) see `classification.COLUMNS`."""
+    scores: NDArray[np.float64]
+    """(n,) the classifier's."""
+    candidates: NDArray[np.intp]
+    """(k,) rows of the features above the operating point, one a place."""
+    detections: tuple[Detection, ...]
+    """The candidates that the printed pattern explains, strongest first; `rank` − 1 is the row of the feature."""
+
+
+def identify_both(gray: NDArray[np.uint8], classifier: Classifier | None = None) -> Both:
+    """Return the dark and light markers of a grey picture (H, W).
+
+    Raises
+    ------
+    InputError
+        If the image is not one that `surf.detect` takes.
+    """
+    features = features_of(gray)
+    columns = evidence(gray, features)
+    chosen = classifier or shipped_classifier()
+    scores = chosen.scores(columns)
+    candidates = candidates_of(features, scores, chosen.threshold)
+    return Both(features, columns, scores, candidates, verified(gray, features, columns, candidates))
+
+
+def features_of(gray: NDArray[np.uint8]) -> Keypoints:
+    """Return the SURF features, strongest first, those of markers at the border included.
+
+    SURF needs more room than a marker covers, so that the picture is continued beyond its border.
+    """
+    pad = round(_PAD_SHARE * max(gray.shape))
+    features = surf.detect_and_describe(np.pad(gray, pad, mode="edge"), threshold=THRESHOLD, octaves=OCTAVES)
+    features = features.with_columns(xy=features.xy - np.float32(pad))
+    inside = (features.xy > -0.5) & (features.xy < np.array(gray.shape[::-1]) - 0.5)
+    return features[inside.all(axis=1)]
+
+
+def candidates_of(features: Keypoints, scores: NDArray[np.float64], threshold: float) -> NDArray[np.intp]:
+    """Return the rows above the threshold, best first, without those within 0.6 sides of a better one."""
+    rows = np.flatnonzero(scores > threshold)
+    sides = SIDE_OF_SCALE * features.scale[rows].astype(np.float64)
+    return rows[one_each(features.xy[rows].astype(np.float64), sides, scores[rows])]
+
+
+def verified(
+    gray: NDArray[np.uint8], features: Keypoints, columns: NDArray[np.float64], candidates: NDArray[np.intp]
+) -> tuple[Detection, ...]:
+    """Return the candidates that the pattern of their polarity explains, strongest first."""
+    found: list[Detection] = []
+    for sign, polarity in ((1, "dark"), (-1, "light")):
+        rows = candidates[features.laplacian[candidates] == sign]
+        refined = refine(gray, features.xy[rows], SIDE_OF_SCALE * features.scale[rows], f"surf-{polarity}")
+        found += _detections(features, columns, rows, refined)
+    found.sort(key=lambda d: d.rank)
+    return tuple(found)
+
+
+def _detections(
+    features: Keypoints, columns: NDArray[np.float64], rows: NDArray[np.intp], refined: Refined
+) -> list[Detection]:
+    good = refined.converged & (refined.explained >= LEAST_EXPLAINED)
+    return [
+        Detection(
+            id=int(row),
+            xy=refined.xy[k],
+            size=float(refined.side_px[k]),
+            polarity=_POLARITIES[int(features.laplacian[row] > 0)],
+            response=float(features.response[row]),
+            signature_distance=float(columns[row, 1]),
+            rank=int(row) + 1,
+            affinity=refined.affine[k],
+            explained=float(refined.explained[k]),
+        )
+        for k, row in enumerate(rows)
+        if good[k]
+    ]
+
+
+def polarity_by_signature(descriptors: NDArray[np.float32]) -> list[Polarity]:
+    """Return for each of (n, 64) descriptors the polarity whose ideal signature is nearer."""
+    dark, light = (signature_distances(descriptors, polarity) for polarity in ("dark", "light"))
+    return ["dark" if d < li else "light" for d, li in zip(dark, light, strict=True)]

@@ -1,0 +1,61 @@
+"""Visible fractions that are known without sampling agree with sampled ones, whatever stands in the way."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from peaksim.camera import Camera
+from peaksim.pose import compose, look_at, rotation_about
+from peaksim.rays import solids_of
+from peaksim.scene import Mark, Quad, Scene, rectangle_m
+from peaksim.texture import Texture
+from peaksim.truth import face_corners_m, marker_truth, may_hide, visible_fraction
+
+CAMERAS = (
+    Camera(320, 240, 250.0, 250.0, 159.5, 119.5),
+    Camera(320, 240, 250.0, 250.0, 159.5, 119.5, distortion=(-0.25, 0.05, 0.0, 0.0)),
+    Camera(320, 240, 150.0, 150.0, 159.5, 119.5, model="fisheye"),
+)
+GREY = Texture.from_array(np.full((2, 2), 128, np.uint8))
+
+
+def random_scene(rng: np.random.Generator) -> Scene:
+    """Return a poster of nine marks before a wall, with cards around and between it and the camera."""
+    marks = tuple(Mark(f"m{x}{y}", "any", 0.2, (0.3 * x, 0.3 * y)) for x in (-1, 0, 1) for y in (-1, 0, 1))
+    poster = Quad("poster", GREY, (0.9, 0.9), np.eye(4), marks)
+    wall = Quad("wall", GREY, (4.0, 4.0), compose(np.eye(3), [0, 0, -0.002]))
+    cards = []
+    for k in range(int(rng.integers(0, 5))):
+        turn = rotation_about("x", rng.uniform(0, 360)) @ rotation_about("y", rng.uniform(0, 360))
+        place = [*rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.5, 2.5)]
+        cards.append(Quad(f"card{k}", GREY, tuple(rng.uniform(0.05, 0.6, 2)), compose(turn, place)))
+    return Scene(quads=(wall, poster, *cards))
+
+
+@given(st.integers(0, 2**32))
+def test_certain_fractions_are_those_that_sampling_gives(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = random_scene(rng)
+    eye, target = [*rng.uniform(-1.5, 1.5, 2), rng.uniform(0.8, 2.5)], [*rng.uniform(-0.7, 0.7, 2), 0.0]
+    pose = look_at(eye, target, up=(0.1, 1, 0))
+    solids = solids_of(scene, quads=True)
+    poster = scene.quads[1]
+    camera = CAMERAS[seed % 3]
+    for truth, mark in zip(marker_truth(scene, camera, pose), poster.marks, strict=True):
+        corners = rectangle_m(poster, mark.center_m, (mark.side_m, mark.side_m))
+        assert abs(truth.visible_fraction - visible_fraction(camera, pose, solids, 1, corners)) <= 1e-12
+
+
+def test_a_card_hides_what_lies_behind_it_only() -> None:
+    square = rectangle_m(Quad("q", GREY, (1, 1), np.eye(4)), (0, 0), (1, 1))
+    eye = np.array([0.0, 0.0, 2.0])
+
+    def card(x: float, z: float, tilt: float = 0.0) -> Quad:
+        return Quad("c", GREY, (0.4, 0.4), compose(rotation_about("y", tilt), [x, 0, z]))
+
+    before = [card(0, 1), card(0.44, 1.0)]
+    beside = [card(0.46, 1.0), card(0.8, 0.1), card(0, -0.1), card(0, 2.5), card(0.6, 1, 90)]
+    faces = face_corners_m(Scene(quads=tuple(before[:1])))
+    assert np.array_equal(faces, before[0].corners_m[None])
+    assert all(may_hide(eye, square, c.corners_m[None])[0] for c in before)
+    assert not any(may_hide(eye, square, c.corners_m[None])[0] for c in beside)
+    assert may_hide(eye, square, np.zeros((0, 4, 3))).shape == (0,)
