@@ -11,8 +11,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 from typer import Option
 
-from peakmark.experiments.detectability import Config, Journal, run
-from peakmark.experiments.detectability_tables import Row, claims_table, envelope_table, gains_table
+from peakmark.experiments.detectability import run
+from peakmark.experiments.detectability_journal import Journal, Row
+from peakmark.experiments.detectability_points import Config
+from peakmark.experiments.detectability_tables import claims_table, envelope_table, gains_table
 from peakmark.report import Section, Table, svg_uri, write_report
 from peakmark.results import result_folder, write_json
 

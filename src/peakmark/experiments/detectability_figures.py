@@ -1,5 +1,6 @@
 """Figures 1–9 of the paper, and the curves of every experiment with their intervals; each function takes axes."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark import marker
-from peakmark.detectors import detector, run
-from peakmark.experiments.detectability_tables import Row, select
+from peakmark.detectors import find_detector
+from peakmark.detectors_outcome import run_detector
+from peakmark.experiments.detectability_journal import Row
+from peakmark.experiments.detectability_tables import select
 from peakmark.experiments.trials import TOLERANCE_PX
 from peakmark.experiments.views import Condition, look
+from peakmark.optimum import Limit
 from peakmark.signature import reference_descriptor
 
 COLOURS = ("#0969da", "#1a7f37", "#bc4c00", "#8250df", "#cf222e", "#57606a")
@@ -48,11 +52,13 @@ def show_picture(ax: Any, picture: NDArray[Any], title: str = "", **settings: An
 def figure_1() -> Any:
     """Return the markers: SIFT's, SURF's, light ones, and the binary ones of the range limit."""
     figure, axes = new_figure(4, 2, 8, 4.3)
-    for row, limit in enumerate(("energy", "range")):
-        for column, (name, polarity) in enumerate((n, p) for n in ("SIFT", "SURF") for p in ("dark", "light")):
-            make = marker.sift_marker if name == "SIFT" else marker.surf_marker
-            picture = make(side_px=180, polarity=polarity, limit=limit)  # type: ignore[operator]
-            show_picture(axes[4 * row + column], picture, f"{name} {polarity}, {limit}", vmin=0, vmax=255)
+    limits: tuple[Limit, ...] = ("energy", "range")
+    polarities: tuple[marker.Polarity, ...] = ("dark", "light")
+    kinds = itertools.product(limits, ("SIFT", "SURF"), polarities)
+    for ax, (limit, name, polarity) in zip(axes, kinds, strict=True):
+        make = marker.sift_marker if name == "SIFT" else marker.surf_marker
+        picture = make(side_px=180, polarity=polarity, limit=limit)
+        show_picture(ax, picture, f"{name} {polarity}, {limit}", vmin=0, vmax=255)
     return figure
 
 
@@ -123,12 +129,12 @@ def figure_6(seed: int = 0) -> Any:
         "JPEG quality 5": Condition(turn_deg=0, jpeg_quality=5),
         "contrast 0.25 on gravel": Condition(turn_deg=0, contrast=0.25, background="gravel"),
     }
-    find = detector("surf-paper")
+    find = find_detector("surf-paper", describe=False)
     for ax, (title, condition) in zip(axes, examples.items(), strict=True):
         view = look(condition, np.random.default_rng(seed))
         show_picture(ax, view.image, title, vmin=0, vmax=255)
         ax.plot(*view.center_xy, "o", markerfacecolor="none", color=COLOURS[2], markersize=9)
-        found = run(find, view.image).keypoints
+        found = run_detector(find, view.image).keypoints
         if len(found):
             ax.plot(*found.xy[0], "+", color="#2da44e", markersize=12, markeredgewidth=2)
         ax.set(xlim=(136, 376), ylim=(376, 136))
@@ -192,10 +198,10 @@ def localisation_figure(rows: Sequence[Row], experiment: str, curves: Sequence[t
 
 def all_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, Any]:
     """Return every figure by its file's stem."""
-    paper = [("surf-dark", "surf-paper", ""), ("sift-dark", "sift-precise", "")]
-    both = [*paper, ("surf-range-dark", "surf-paper", ""), ("sift-range-dark", "sift-precise", "")]
+    paper = [("surf-dark", "surf-paper", ""), ("sift-dark", "sift", "")]
+    both = [*paper, ("surf-range-dark", "surf-paper", ""), ("sift-range-dark", "sift", "")]
     far = [("surf-dark", "surf-paper", f"{d} sides away") for d in (1, 2, 5, 20)]
-    near_and_far = [*far, *(("sift-dark", "sift-precise", f"{d} sides away") for d in (1, 20))]
+    near_and_far = [*far, *(("sift-dark", "sift", f"{d} sides away") for d in (1, 20))]
     uniform = [(kind, name, series) for kind, name, _ in paper for series in ("uniform", "gravel")]
     figures = {
         "figure-1": figure_1(), "figure-2": figure_2(), "figure-3": figure_3(), "figure-4": figure_4(),

@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from peakmark.experiments.detectability_journal import Row
 from peakmark.experiments.trials import TOLERANCE_PX
 from peakmark.report import Table
-
-Row = dict[str, Any]
 
 REQUIRED = 0.95
 """A condition is inside the envelope where the lower bound of the detection rate reaches this."""
 
-PRESETS = {"surf-dark": "surf-paper", "sift-dark": "sift-precise"}
+PRESETS = {"surf-dark": "surf-paper", "sift-dark": "sift"}
 """The paper's markers and the detectors that stand for its own."""
 
 _FAR = "20 sides away"
@@ -93,7 +92,7 @@ def gains_table(rows: Sequence[Row]) -> Table:
     table: list[list[str | float | None]] = []
     for name, grey, binary, detector in (
         ("SURF", "surf-dark", "surf-range-dark", "surf-paper"),
-        ("SIFT", "sift-dark", "sift-range-dark", "sift-precise"),
+        ("SIFT", "sift-dark", "sift-range-dark", "sift"),
     ):
         for experiment in ("scale", "turn"):
             ratios = gains(rows, experiment, grey, binary, detector)
@@ -177,7 +176,7 @@ def _claim_surf_tilt(rows: Sequence[Row]) -> list[str]:
 
 
 def _claim_sift_tilt(rows: Sequence[Row]) -> list[str]:
-    found = "; ".join(_first_beyond(rows, "sift-dark", "sift-precise", d) for d in ("1", "2", "5", "20"))
+    found = "; ".join(_first_beyond(rows, "sift-dark", "sift", d) for d in ("1", "2", "5", "20"))
     return ["SIFT's marker leaves the 3 px limit at 35°", found,
             "the DoG's blob is smaller than SURF's, so perspective moves it less; where it is lost, tilt has made "
             "its size fall into a ditch between scales"]  # fmt: skip
@@ -199,7 +198,7 @@ def _claim_optimal(rows: Sequence[Row]) -> list[str]:
     texts = []
     for grey, binary, detector in (
         ("surf-dark", "surf-range-dark", "surf-paper"),
-        ("sift-dark", "sift-range-dark", "sift-precise"),
+        ("sift-dark", "sift-range-dark", "sift"),
     ):
         ratios = gains(rows, "turn", grey, binary, detector)
         if len(ratios):
@@ -210,8 +209,8 @@ def _claim_optimal(rows: Sequence[Row]) -> list[str]:
 
 def _claim_sift_bias(rows: Sequence[Row]) -> list[str]:
     texts = []
-    for detector in ("sift", "sift-precise", "vlfeat"):
-        curve = [row for row in select(rows, "scale", "sift-dark", detector) if row["bias_x_px"] is not None]
+    for detector in ("sift-opencv", "sift", "vlfeat"):
+        curve = [row for row in select(rows, "bias", "sift-dark", detector) if row["bias_x_px"] is not None]
         if curve:
             bias = [float(np.median([row[f"bias_{axis}_px"] for row in curve])) for axis in "xy"]
             texts.append(f"{detector} ({bias[0]:+.3f}, {bias[1]:+.3f}) px")

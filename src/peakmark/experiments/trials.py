@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.detectors import Outcome
+from peakmark.detectors_outcome import Outcome
 from peakmark.experiments.views import View
 from peakmark.statistics import wilson
 
@@ -119,6 +119,7 @@ def summary(trials: Sequence[Trial], outcomes: Sequence[Outcome], reference: Ref
     rows |= _spread("response", responses)
     median = rows["response"]
     rows["response_ratio"] = None if median is None or reference is None else median / reference.response
+    rows |= _spread("size_per_side", np.array([trial.size_per_side for trial in trials if trial.detected]))
     rows |= _errors("", np.array([trial.error_px for trial in trials]))
     rows |= _errors("blob_", np.array([trial.blob_error_px for trial in trials]))
     rows["failures"] = sum(bool(outcome.failure) for outcome in outcomes)

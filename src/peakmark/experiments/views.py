@@ -1,11 +1,12 @@
 """Pictures of one marker under one distortion at a time: what Section 4.1 looks at, drawn by our renderer."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera import Camera
+from peaksim.frame import Frame
 from peaksim.pose import compose, rotation_about
 from peaksim.rendering import render
 from peaksim.scene import Mark, Quad, Scene
@@ -22,11 +23,11 @@ KINDS = ("surf-dark", "surf-light", "surf-range-dark", "sift-dark", "sift-range-
 BACKGROUNDS = ("uniform", "gravel", "brick", "grass")
 """What is behind the marker: the grey of its own rim, or a photograph, then with one white cell around it."""
 
-SIFT_SIDES = 12.0
-"""Side of a SIFT marker in σ."""
+SIFT_SIDES = 10.0
+"""Side of a SIFT marker in σ; beyond, its DoG differs from the surround by less than 0.2 grey levels."""
 
 _CELL_TEXELS = 64
-_SIFT_TEXELS = 769
+_SIFT_TEXELS = 641
 _PHOTO_SIDES = 12.0
 _MID_GRAY = 127.5
 
@@ -38,8 +39,8 @@ class Condition:
     marker: str = "surf-dark"
     """One of `KINDS`."""
     side_px: float = 147.0
-    """Side of the marker seen squarely; 12 σ for a SIFT marker."""
-    image_px: int = 513
+    """Side of the marker seen squarely; 10 σ for a SIFT marker."""
+    image_px: int = 301
     """Side of the square picture."""
     turn_deg: float | None = None
     """In-plane rotation; None draws one at random."""
@@ -68,6 +69,12 @@ class Condition:
     is_centred: bool = False
     """As the paper has it: no sub-pixel phase, and unturned, tilted about the vertical, moved to the right."""
 
+    @property
+    def scenery(self) -> "Condition":
+        """What is seen, without what is done to the picture: conditions that share it share drawings."""
+        plain = {name: getattr(Condition, name) for name in _CAMERA_FIELDS}
+        return replace(self, **plain)
+
     def __post_init__(self) -> None:
         for name, value, choices in (
             ("marker", self.marker, KINDS),
@@ -79,6 +86,27 @@ class Condition:
             raise InputError(f"tilt_deg: expected 0…90, got {self.tilt_deg}")
 
 
+_CAMERA_FIELDS = ("noise", "defocus_px", "motion_px", "jpeg_quality", "contrast", "vignetting", "exposure")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What reaches the lens, and where the marker is."""
+
+    linear: NDArray[np.float32]
+    """(image_px, image_px) grey levels at full contrast."""
+    faded: NDArray[np.float32]
+    """The same at no contrast; what lies between is between the two."""
+    center_xy: NDArray[np.float64]
+    """(2,) projection of the marker's centre, px."""
+    blob_xy: NDArray[np.float64]
+    """(2,) centroid of the image of its central blob, which perspective moves away from `center_xy`."""
+    side_px: float
+    """Square root of the marker's area in the picture."""
+    direction_deg: float
+    """Of a motion of the camera."""
+
+
 @dataclass(frozen=True)
 class View:
     """One picture and where its marker is."""
@@ -88,44 +116,71 @@ class View:
     center_xy: NDArray[np.float64]
     """(2,) projection of the marker's centre, px."""
     blob_xy: NDArray[np.float64]
-    """(2,) centroid of the image of its central blob, which perspective moves away from `center_xy`."""
+    """(2,) centroid of the image of its central blob, px."""
     side_px: float
     """Square root of the marker's area in the picture."""
 
 
 def look(condition: Condition, rng: np.random.Generator) -> View:
-    """Draw a condition at a random sub-pixel phase, and turn, tilt axis and direction where they are free."""
+    """Return a picture under a condition: `draw`, then `photograph`."""
+    return photograph(draw(condition, rng), condition, rng)
+
+
+def draw(condition: Condition, rng: np.random.Generator) -> Drawing:
+    """Draw the scenery at a random sub-pixel phase, and turn, tilt axis and direction where they are free."""
     tilt_axis, turn, direction = (90.0, 0.0, 0.0) if condition.is_centred else rng.uniform(0, 360, 3)
     phase_px = np.zeros(2) if condition.is_centred else rng.uniform(-0.5, 0.5, 2)
+    place_sides = rng.uniform(-4, 4, 2)
     turn = turn if condition.turn_deg is None else condition.turn_deg
     rotation = rotation_about("z", tilt_axis) @ rotation_about("x", condition.tilt_deg)
     rotation = rotation @ rotation_about("z", turn - tilt_axis) @ rotation_about("x", 180)
     heading = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
     offset_px = phase_px + condition.off_axis_px * heading
+    position = np.array([*(offset_px / condition.side_px), condition.distance_sides])
+    camera = _camera(condition)
+
+    def drawn(contrast: float) -> Frame:
+        return render(_scene(condition, compose(rotation, position), place_sides, contrast), camera, np.eye(4), "exact")
+
+    frame = drawn(1.0)
+    return Drawing(
+        linear=frame.linear,
+        faded=drawn(0.0).linear if condition.background != "uniform" else np.full((1, 1), _MID_GRAY, np.float32),
+        center_xy=frame.truth[0].center_xy,
+        blob_xy=_blob_xy(condition.marker, rotation, position, camera),
+        side_px=frame.truth[0].side_px,
+        direction_deg=float(direction),
+    )
+
+
+def photograph(drawing: Drawing, condition: Condition, rng: np.random.Generator) -> View:
+    """Take a picture of a drawing with the condition's contrast, blur, light and noise."""
+    linear = drawing.faded + np.float32(condition.contrast) * (drawing.linear - drawing.faded)
+    linear = motion_blurred(linear, condition.motion_px, drawing.direction_deg)
+    image = take(linear, _sensor(condition), rng)
+    return View(image, drawing.center_xy, drawing.blob_xy, drawing.side_px)
+
+
+def _camera(condition: Condition) -> Camera:
+    """Return the camera that sees the marker squarely at `side_px` from `distance_sides`."""
     middle = (condition.image_px - 1) / 2
     focal = condition.side_px * condition.distance_sides
-    camera = Camera(condition.image_px, condition.image_px, focal, focal, middle, middle)
-    position = np.array([*(offset_px / condition.side_px), condition.distance_sides])
-    scene = _scene(condition, compose(rotation, position), rng)
-    frame = render(scene, camera, np.eye(4), renderer="exact")
-    linear = motion_blurred(np.atleast_3d(frame.linear)[:, :, 0], condition.motion_px, direction)
-    image = take(linear, _sensor(condition), rng)
-    blob = camera.project(_blob(condition.marker, rotation, position))
-    weights = _blob_weights(condition.marker, rotation, position)
-    return View(image, frame.truth[0].center_xy, weights @ blob / weights.sum(), frame.truth[0].side_px)
+    return Camera(condition.image_px, condition.image_px, focal, focal, middle, middle)
 
 
-def _scene(condition: Condition, pose: NDArray[np.float64], rng: np.random.Generator) -> Scene:
+def _scene(
+    condition: Condition, pose: NDArray[np.float64], place_sides: NDArray[np.float64], contrast: float
+) -> Scene:
     """Return a marker of side 1 m at `pose`, before its own rim's grey or one photograph wall."""
     on_photo = condition.background != "uniform"
-    texture, side = _marker_texture(condition.marker, condition.contrast, on_photo)
-    mark = Mark("marker", condition.marker, 1.0)
-    quads = [Quad("marker", texture, (side, side), pose, mark)]
-    if on_photo:
-        behind = pose.copy()
-        behind[:3, 3] -= 0.01 * pose[:3, 2] + pose[:3, :2] @ rng.uniform(-4, 4, 2)
-        quads.append(Quad("wall", _photo(condition.background), (_PHOTO_SIDES, _PHOTO_SIDES), behind))
-    return Scene(tuple(quads), background=float(texture.pixels[0, 0]) if not on_photo else _MID_GRAY)
+    texture, side = _marker_texture(condition.marker, contrast, on_photo)
+    marker = Quad("marker", texture, (side, side), pose, Mark("marker", condition.marker, 1.0))
+    if not on_photo:
+        return Scene((marker,), background=float(texture.pixels[0, 0]))
+    behind = pose.copy()
+    behind[:3, 3] -= 0.01 * pose[:3, 2] + pose[:3, :2] @ place_sides
+    wall = Quad("wall", _photo(condition.background), (_PHOTO_SIDES, _PHOTO_SIDES), behind)
+    return Scene((marker, wall), background=_MID_GRAY)
 
 
 @cache
@@ -174,13 +229,13 @@ def _blob_points(kind: str) -> NDArray[np.float64]:
     return disc
 
 
-def _blob(kind: str, rotation: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(_blob_points(kind) @ rotation[:, :2].T + position)
-
-
-def _blob_weights(kind: str, rotation: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the image area of a small patch around each blob point, up to a factor: 1 / depth³."""
-    return np.asarray(_blob(kind, rotation, position)[:, 2] ** -3.0)
+def _blob_xy(
+    kind: str, rotation: NDArray[np.float64], position: NDArray[np.float64], camera: Camera
+) -> NDArray[np.float64]:
+    """Return the centroid of the blob's image; a small patch's image area goes with 1 / depth³."""
+    in_camera = _blob_points(kind) @ rotation[:, :2].T + position
+    weights = in_camera[:, 2] ** -3.0
+    return np.asarray(weights @ camera.project(in_camera) / weights.sum())
 
 
 def motion_blurred(linear: NDArray[np.float32], length_px: float, direction_deg: float) -> NDArray[np.float32]:

@@ -3,7 +3,9 @@ import json
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.experiments.detectability import EXPERIMENTS, Config, Journal, measure, points, run
+from peakmark.experiments.detectability import measure, run
+from peakmark.experiments.detectability_journal import Journal
+from peakmark.experiments.detectability_points import EXPERIMENTS, Config, points
 
 SMALL = Config(trials=2, every=100, only=("noise", "turn"))
 
@@ -26,6 +28,7 @@ def test_measure_finds_the_undistorted_markers_with_both_presets():
         for row in rows:
             assert (row["detected"], row["unique"]) == (1, 1)
             assert row["response_ratio"] == pytest.approx(1, abs=0.1)
+            assert 0.1 < row["size_per_side"] < 1.3
 
 
 def test_the_same_seed_gives_the_same_rows_in_any_process_and_an_interrupted_run_goes_on(tmp_path):
@@ -58,7 +61,7 @@ def test_a_faulty_detector_is_counted_and_the_run_goes_on():
     row = measure(points(config)[0], 2, 0)[-1]
     assert row["detector"] == "builtins:len"
     assert row["failures"] == 2
-    assert "TypeError" in row["first_failure"]
+    assert row["first_failure"].startswith("InputError: detector: expected Keypoints")
     assert row["detected"] == 0
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from peakmark.detectors import Outcome
+from peakmark.detectors_outcome import Outcome
 from peakmark.experiments.trials import Reference, judge, reference_of, summary
 from peakmark.experiments.views import View
 from peakmark.keypoints import Keypoints
