@@ -12,10 +12,10 @@ floor: $(READY)
 	$(PYTHON) scripts/render_floor.py --out out/floor
 
 test: $(READY)
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -n auto --dist loadfile
 
 test-all: $(READY)
-	$(PYTHON) -m pytest -m "slow or not slow"
+	$(PYTHON) -m pytest -n auto --dist loadfile -m "slow or not slow"
 
 check: $(READY)
 	.venv/bin/ruff check .

@@ -114,14 +114,13 @@ def _seen(found: Sequence[Detection], affinity: ArrayLike | None) -> Markers:
 
 def distinct(found: Sequence[Detection], sizes: NDArray[np.float64]) -> list[int]:
     """Return the indices of detections that overlap no stronger one of like size: paper does not."""
+    xy = np.array([d.xy for d in found], dtype=np.float64).reshape(-1, 2)
     kept: list[int] = []
-    for i in sorted(range(len(found)), key=lambda i: -found[i].response):
-        for j in kept:
-            alike = abs(np.log(sizes[i] / sizes[j])) <= np.log(_LIKE_SIZE)
-            if alike and np.linalg.norm(found[i].xy - found[j].xy) < _OVERLAP * sizes[j]:
-                break
-        else:
-            kept.append(i)
+    for i in np.argsort([-d.response for d in found], kind="stable"):
+        alike = np.abs(np.log(sizes[kept] / sizes[i])) <= np.log(_LIKE_SIZE)
+        gaps = np.linalg.norm(xy[kept] - xy[i], axis=1)
+        if not (alike & (gaps < _OVERLAP * sizes[kept])).any():
+            kept.append(int(i))
     return kept
 
 

@@ -1,7 +1,7 @@
 """Key points → markers: `identify`, by the paper's rule or by the joint one (`identification_joint`, the default)."""
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,17 +102,21 @@ def identify(
 
 
 def stretched_features(
-    gray: NDArray[np.uint8], stretch: Stretch, threshold: float = LOW_THRESHOLD, strongest: int | None = None
+    gray: NDArray[np.uint8],
+    stretch: Stretch,
+    threshold: float = LOW_THRESHOLD,
+    strongest: int | None = None,
+    **parameters: Any,
 ) -> Keypoints:
     """Return the SURF features of the vertically stretched image, in the coordinates of the given one.
 
     The image is continued beyond its border, so that markers at the border are found as well; features that lie
-    outside it are left out.
+    outside it are left out. Further `parameters` are those of `surf.detect_and_describe`.
     """
     height, width = gray.shape
     pad = round(_PAD_SHARE * width)
     padded = np.pad(stretched(gray, stretch), pad, mode="edge")
-    features = surf.detect_and_describe(padded, threshold=threshold, strongest=strongest)
+    features = surf.detect_and_describe(padded, threshold=threshold, strongest=strongest, **parameters)
     features = unstretched(features.with_columns(xy=features.xy - np.float32(pad)), stretch, height)
     inside = (features.xy > -0.5) & (features.xy < np.array([width, height]) - 0.5)
     return features[inside.all(axis=1)]

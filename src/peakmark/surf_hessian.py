@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.kernel import kernel, part
+from peaksim.kernel import contracting_part, kernel, part
 
-from peakmark.kernel import contracting_part
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.surf_exact import (
     exact_derivatives,

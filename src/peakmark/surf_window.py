@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.kernel import kernel, part
+from peaksim.kernel import contracting_part, kernel, part
 
 from peakmark.integral import padded_length
-from peakmark.kernel import contracting_part
 from peakmark.parallel import bands, map_parallel, thread_count
 
 PATCH_SIDE = 21
@@ -98,7 +97,7 @@ def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):  # type
     span = np.float32(side) * (abs(sine) + abs(cosine)) * np.float32(0.5) + np.float32(2.0)
     left = min(max(np.int64(np.floor(x - span)), -np.int64(2 * span)), shape[1]) // 2 * 2
     top = min(max(np.int64(np.floor(y - span)), -np.int64(2 * span)), shape[0]) // 2 * 2
-    inside = left >= 0 and top >= 0 and x + span < shape[1] and y + span < shape[0]
+    inside = lies_inside(x, y, sine, cosine, side, shape)
     starts, quads, window = buffers.starts, buffers.quads, buffers.window
     _start_rows(x, y, sine, cosine, left, top, side, starts)
     borders = (np.float32(-left), np.float32(-top), np.float32(shape[1] - 1 - left), np.float32(shape[0] - 1 - top))
@@ -116,6 +115,14 @@ def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):  # type
             _interpolate(starts, first, end, side, sine, cosine, quads, window)
         else:
             _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, window)
+
+
+@part
+def lies_inside(x, y, sine, cosine, side, shape):  # type: ignore[no-untyped-def]
+    """Whether a turned window, with the lanes that fill its rows up to the pitch, stays two pixels inside the image."""
+    reach = np.float32(pitch_of(side)) - np.float32(side) * np.float32(0.5)
+    span = reach * (abs(sine) + abs(cosine)) + np.float32(2.0)
+    return x - span >= 0 and y - span >= 0 and x + span < shape[1] and y + span < shape[0]
 
 
 @part

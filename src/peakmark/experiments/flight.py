@@ -4,7 +4,7 @@ Frames are independent of each other and come out as plain records, so that an i
 stopped; what needs their order (tracks, poses, motion) is computed from the records (`flight_course`).
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from time import perf_counter
 from typing import Any, get_args
 
@@ -156,16 +156,19 @@ def shoot(flight: Flight, index: int) -> Shot:
 
 
 def photograph(flight: Flight, index: int) -> Frame:
-    """Return one frame after the sensor."""
-    from dataclasses import replace
-
+    """Return one frame after the sensor, averaged over the exposure; its truth is that of the middle of it."""
     time_s = float(flight.times_s[index])
     scene, renderer = flight.setup.scene, flight.config.renderer
     if renderer == "auto" and not scene.meshes:
         renderer = "exact"
-    frame = render(scene, flight.ride.camera, flight.ride.trajectory.at(time_s), renderer=renderer, time_s=time_s)
+    parts = [
+        render(scene, flight.ride.camera, flight.ride.trajectory.at(float(at)), renderer=renderer, time_s=time_s)
+        for at in flight.ride.exposed_s(time_s)
+    ]
+    linear = np.mean([part.linear for part in parts], axis=0)
     noise = np.random.default_rng((flight.config.seed, index))
-    return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
+    image = take(linear, flight.ride.sensor_at(time_s), noise)
+    return replace(parts[len(parts) // 2], linear=linear, image=image)
 
 
 def _truth_record(truth: MarkerTruth) -> dict[str, Any]:
