@@ -107,9 +107,7 @@ def test_averaging_agrees_with_the_plain_operator(side: int, seed: int) -> None:
     side=st.integers(1, 70),
     turn_deg=st.floats(0, 360, width=32),
 )
-def test_every_lane_of_a_window_inside_reads_the_image(
-    x: float, y: float, side: int, turn_deg: float
-) -> None:
+def test_every_lane_of_a_window_inside_reads_the_image(x: float, y: float, side: int, turn_deg: float) -> None:
     sine, cosine = -np.sin(np.radians(turn_deg)), np.cos(np.radians(turn_deg))
     if lies_inside(*map(np.float32, (x, y, sine, cosine)), side, (150, 200)):
         row, lane = (np.arange(n)[:, None] - (side - 1) / 2 for n in (side, pitch_of(side)))
