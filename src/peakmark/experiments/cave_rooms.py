@@ -5,6 +5,7 @@ Rooms of the two splits share no photograph, no camera and no kind of noise.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -42,6 +43,7 @@ _SLOT_M = 0.5
 _GAP_M = 0.002
 
 
+@cache
 def photographs(split: Split) -> dict[str, NDArray[np.uint8]]:
     """Return name → (h, w) uint8 grey photographs.
 
