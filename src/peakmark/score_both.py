@@ -23,6 +23,8 @@ class MarkerResult:
     """True tilt."""
     distance_m: float
     """True distance."""
+    is_in_view: bool
+    """Whether it is fully in view."""
     is_wanted: bool
     """Whether it must be found: fully in view, ≥ `SMALLEST_PX`, tilted to `STEEPEST_DEG`."""
     is_found: bool
@@ -40,7 +42,7 @@ class BothScore:
     """One picture's result."""
 
     markers: tuple[MarkerResult, ...]
-    """Wanted markers, and others that were found."""
+    """All visible markers."""
     false_detections: int
     """Detections within the tolerance of no visible marker."""
 
@@ -74,7 +76,7 @@ def score_both(truth: Sequence[MarkerTruth], found: Both) -> BothScore:
     """Score one picture's markers of both polarities."""
     visible = [t for t in truth if t.visible_fraction > 0]
     matches = match(visible, found.detections, TOLERANCE_PX)
-    results = tuple(_result(t, found, matches.get(t.name)) for t in visible if t.name in matches or is_wanted(t))
+    results = tuple(_result(t, found, matches.get(t.name)) for t in visible)
     return BothScore(results, len(found.detections) - len(matches))
 
 
@@ -85,7 +87,8 @@ def is_wanted(truth: MarkerTruth) -> bool:
 
 
 def _result(truth: MarkerTruth, found: Both, index: int | None) -> MarkerResult:
-    place = (truth.name, truth.side_px, truth.tilt_deg, truth.distance_m, is_wanted(truth))
+    is_in_view = truth.visible_fraction >= FULLY_IN_VIEW
+    place = (truth.name, truth.side_px, truth.tilt_deg, truth.distance_m, is_in_view, is_wanted(truth))
     if index is None:
         return MarkerResult(*place, is_found=False)
     detection = found.detections[index]

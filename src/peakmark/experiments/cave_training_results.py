@@ -66,9 +66,9 @@ def run(
 def _lead(result: dict[str, Any]) -> str:
     own, held = result["training"], result["held_out"]
     return (
-        f"Trained on {own['markers']} markers and {own['clutter']:,} other key points of {own['views']} views, judged on "
-        f"{held['markers']} and {held['clutter']:,} of {held['views']} views of rooms with other photographs, cameras and "
-        f"noise. Operating points let {CLUTTER:g} key points of clutter a training view through."
+        f"Trained on {own['markers']} markers and {own['clutter']:,} other key points of {own['views']} views, judged "
+        f"on {held['markers']} and {held['clutter']:,} of {held['views']} views of rooms with other photographs, "
+        f"cameras and noise. Operating points let {CLUTTER:g} key points of clutter a training view through."
     )
 
 
