@@ -70,13 +70,13 @@ class Identification:
 def identify(
     image: ArrayLike,
     stretch: Stretch = 2.0,
-    polarity: Polarity = "dark",
+    polarity: Polarity | Literal["both"] = "dark",
     threshold: float = LOW_THRESHOLD,
     rule: Rule = "joint",
     limit: Limit = "energy",
     refine: bool = True,
 ) -> tuple[Detection, ...]:
-    """Return the markers of one polarity in an image, strongest first; none is an empty tuple.
+    """Return the markers in an image, strongest first; none is an empty tuple.
 
     Parameters
     ----------
@@ -86,7 +86,8 @@ def identify(
         Vertical stretch before detection: about 1 / cos(tilt) of the surface that carries the markers; 2 is the
         paper's, `peakmark.stretch.floor_stretch` gives each row its own where the camera's pitch is known.
     polarity
-        Which markers to look for.
+        Which markers to look for. "both" is for walls: any number of dark and light ones, as `peakmark.decode_arrays`
+        wants them; see `identification_both`, which neither stretches nor uses the threshold.
     threshold
         Hessian threshold of the detector.
     rule
@@ -101,9 +102,18 @@ def identify(
     Raises
     ------
     InputError
-        If the stretch is not in 0.25…8, the rule is unknown, or the image is not one that `surf.detect` takes.
+        If the stretch is not in 0.25…8, polarity or rule is unknown, both polarities are asked for with another rule
+        or limit than the default, or the image is not one that `surf.detect` takes.
     """
+    if polarity not in ("dark", "light", "both"):
+        raise InputError(f"polarity: expected dark, light or both, got {polarity!r}")
     gray = as_gray(image)
+    if polarity == "both":
+        from peakmark.identification_both import identify_both
+
+        if (rule, limit) != ("joint", "energy"):
+            raise InputError('rule, limit: expected "joint" and "energy" for both polarities')
+        return identify_both(gray).detections
     features = stretched_features(gray, stretch, threshold, None if rule == "paper" else STRONGEST)
     return examine(gray, features, polarity, rule, stretch, limit, refine).detections
 
