@@ -14,10 +14,11 @@ STAGES = (
     ("camera", "texture", "scene", "trajectory", "marker", "optimum", "surf", "sift", "detectors"),
     ("render", "truth", "flow", "shutter", "sensor", "frame", "signature", "refine", "sheet"),
     ("scene_file", "scene_build", "scene_posters", "scene_schema", "floor_path", "ride"),
-    ("identification", "classification", "arrays", "localise", "stretch", "tracks", "drive"),
+    ("identification", "classification", "arrays", "localise", "stretch", "tracks", "drive", "finder",
+     "finders"),
     ("score", "corpus"),
     ("overlay", "film", "plots", "report", "results"),
-    ("experiments",),
+    ("experiments", "corpus_show", "regress"),
     ("cli", "command"),
 )
 

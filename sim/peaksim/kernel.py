@@ -1,4 +1,4 @@
-"""How Numba compiles the rendering kernels.
+"""How Numba compiles the kernels of both packages.
 
 Functions that Python calls are `kernel`s, cached on disk; those that only kernels call are `part`s. A part has no
 entry from Python, which halves the time that a first run spends compiling; `part.py_func` is the plain function.
@@ -11,6 +11,7 @@ from typing import Any
 from numba import njit
 
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
+_PART_OPTIONS = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -21,5 +22,11 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def part(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function that only kernels call."""
-    compiled: Callable[..., Any] = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+    compiled: Callable[..., Any] = njit(**_PART_OPTIONS)(function)
+    return compiled
+
+
+def contracting_part(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a part that may round a·b + c once instead of twice."""
+    compiled: Callable[..., Any] = njit(fastmath={"contract"}, **_PART_OPTIONS)(function)
     return compiled
