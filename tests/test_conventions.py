@@ -1,16 +1,18 @@
 """One test for each numbered sentence of CONVENTIONS.md."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from helpers import marker_view, needs_gl
-from peaksim import Camera, Quad, Scene, Texture, render
-from peaksim.pose import compose, invert, look_at, transform
+from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
+from peaksim.pose import compose, invert, look_at, rotation_about, transform
 from peaksim.rendering import Renderer
 from peaksim.scene_file import load_scene
+from peaksim.shutter import Shot
 
 from peakmark import surf
 from peakmark.experiments.floor import FloorConfig, look
@@ -124,3 +126,20 @@ def test_11_a_frames_noise_depends_on_the_seed_and_its_index_alone() -> None:
 def test_12_a_dark_marker_has_laplacian_plus_one() -> None:
     for polarity, sign in (("dark", 1), ("light", -1)):
         assert surf.detect(marker_view(60, polarity=polarity))[0].laplacian.tolist() == [sign]  # type: ignore[arg-type]
+
+
+def test_13_each_row_of_a_rolling_shutter_has_its_own_time() -> None:
+    rolling = replace(CAMERA, row_time_s=0.01)
+    way = Trajectory(np.array([0.0, 2.0]), np.stack([FACING, FACING @ compose(np.eye(3), [0.5, 0, 0])]))
+    shot = Shot(rolling, way, 1.0)
+    for x, y in shot.project([[0.2, 0.2, 0], [0.25, -0.3, 0], [0.3, 0, 0]]):
+        own = way.at(1.0 + (y - 14.5) * 0.01)
+        point = transform(own, 1.0 * CAMERA.unproject([[x, y]]))
+        assert np.allclose(shot.project(point), [[x, y]], atol=1e-8)
+
+
+def test_14_the_affinity_maps_sides_right_and_down() -> None:
+    upright = Quad("q", Texture.from_array(np.zeros((1, 1), np.uint8)), (0.25, 0.25), np.eye(4), marker="m")
+    turned = FACING @ compose(rotation_about("z", 90), np.zeros(3))  # the camera turns clockwise, the picture back
+    for pose, expected in ((FACING, [[10, 0], [0, 10]]), (turned, [[0, 10], [-10, 0]])):
+        assert np.allclose(render(Scene((upright,)), CAMERA, pose, renderer="exact").truth[0].affinity, expected)

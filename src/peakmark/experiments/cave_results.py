@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.frame import error_budget
 
 from peakmark import plots
 from peakmark.experiments.cave import CaveConfig, View, marker_rows, open_cave, walk
@@ -147,7 +148,8 @@ def _write_report(
         f"{result['arrays_decoded']} of {result['arrays_in_view']} arrays in view decoded, {result['wrong_codes']} "
         f"wrong codes; {result['markers_found']} of {result['markers_in_view']} markers found among "
         f"{result['features']:,} features{' a frame' if config.frames > 1 else ''}. Scene “{config.scene}”, renderer "
-        f"{first.frame.renderer}, seed {config.seed}. In view: wholly visible, 20 px or larger, tilted to 45°."
+        f"{first.frame.renderer}, seed {config.seed}. {error_budget(first.frame.renderer)}. "
+        f"In view: wholly visible, 20 px or larger, tilted to 45°."
     )
     sections = [
         Section("Result", table=Table(("figure", "value"), result_rows(result))),
