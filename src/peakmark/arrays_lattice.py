@@ -147,7 +147,8 @@ def _fitting(markers: Markers, pitch: float, triples: NDArray[np.intp]) -> list[
     longest, shortest = np.linalg.svd(sides, compute_uv=False).T
     fits = (longest <= limits.squeeze * shortest) & (_turn_deg(sides) <= limits.turn_deg)
     squeezes = longest[fits] / shortest[fits]
-    return [Frame(int(i), int(j), int(k), float(q)) for (i, j, k), q in zip(triples[fits], squeezes, strict=True)]
+    kept = zip(triples[fits].tolist(), squeezes.tolist(), strict=True)
+    return [Frame(origin, along, down, squeeze) for (origin, along, down), squeeze in kept]
 
 
 def _turn_deg(sides: Points) -> Points:

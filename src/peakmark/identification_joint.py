@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.identification import Detection, is_polarity
+from peakmark.identification import SIDE_OF_SCALE, Detection, is_polarity, pattern_name
 from peakmark.keypoints import Keypoints
 from peakmark.marker import Polarity, surf_filters, surf_form
 from peakmark.optimum import Limit, quadratic_optimum
@@ -36,9 +36,6 @@ SIGNATURE_SLOPE = 0.7
 SHORT_LIST_QUOTIENT = 0.42
 """A feature is short-listed if quotient − slope · (signature distance − 0.3) is above this: that of the least of 378
 markers on the gravel floor. Alignment costs most of the time, and 0.3 would align three times as many features."""
-
-SIDE_OF_SCALE = 1.09
-"""Side of a marker over its SURF scale, in the median: the filter that answers most is a little smaller."""
 
 PROMISING = 0.5
 RETRIES = (0.95, 1.15)
@@ -81,7 +78,7 @@ def find_markers(
     polarity, limit
         Of the printed markers.
     """
-    pattern = f"surf-{polarity}" if limit == "energy" else f"surf-range-{polarity}"
+    pattern = pattern_name(polarity, limit)
     markers = one_of_each(marked_candidates(gray, features, distances, quotients(gray, features, stretch), pattern))
     return tuple(
         Detection(

@@ -57,8 +57,9 @@ class Refined:
 
     @property
     def side_px(self) -> NDArray[np.float64]:
-        """(n,) square root of the affinity's area."""
-        return np.asarray(np.sqrt(np.abs(np.linalg.det(self.affine))))
+        """(n,) square root of the affinity's area; nan where not converged."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.sqrt(np.abs(np.linalg.det(self.affine))))
 
     def corners(self) -> NDArray[np.float64]:
         """Return (n, 4, 2) the pattern's corners in the image, from its top left clockwise, px."""
