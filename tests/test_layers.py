@@ -15,7 +15,7 @@ STAGES = (
     ("render", "truth", "sensor", "frame", "signature", "refine", "sheet"),
     ("scene_file", "scene_build", "scene_posters", "scene_schema", "floor_path", "ride"),
     ("identification", "classification", "arrays", "localise", "stretch", "tracks", "drive"),
-    ("score", "corpus"),
+    ("score", "corpus", "envelope"),
     ("overlay", "film", "plots", "report", "results"),
     ("experiments",),
     ("cli", "command"),

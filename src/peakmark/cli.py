@@ -5,6 +5,7 @@ from typing import Annotated, Any, NoReturn
 
 from typer import Argument, Option, Typer
 
+from peakmark.cli_envelope import envelope
 from peakmark.cli_marker import marker
 from peakmark.command import run_command
 
@@ -12,6 +13,7 @@ app = Typer(add_completion=False, no_args_is_help=True, help="Markers that SIFT 
 
 
 app.command()(marker)
+app.command()(envelope)
 
 
 @app.command()
