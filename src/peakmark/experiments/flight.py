@@ -187,7 +187,13 @@ def quicker(renderer: Renderer, scene: Scene) -> Renderer:
 def _truth_record(truth: MarkerTruth) -> dict[str, Any]:
     record = asdict(truth)
     del record["kind"]
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in record.items()}
+    return {name: _plain(value) for name, value in record.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _detection_record(detection: Detection, found: Identification, score: Score) -> dict[str, Any]:
