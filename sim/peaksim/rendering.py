@@ -63,11 +63,24 @@ def render(
 
 
 def choose(scene: Scene, camera: Camera, renderer: Renderer) -> Literal["exact", "gl"]:
-    """Return the renderer to use; "auto" takes GL where a context opens."""
-    if renderer != "auto":
-        return renderer
+    """Return the renderer to use; "auto" takes GL where a context opens and can draw this.
+
+    Raises
+    ------
+    SceneError
+        If "gl" is asked for a scene with lights or a camera with a distorting lens, which only "exact" draws.
+    """
+    if renderer == "exact":
+        return "exact"
+    beyond_gl = "lights" if scene.lights else "" if camera.is_pinhole else "lens distortion"
+    if renderer == "gl":
+        if beyond_gl:
+            raise SceneError(f'renderer: expected "exact" or "auto" for {beyond_gl}, got "gl"')
+        return "gl"
     from peaksim import render_gl
 
+    if beyond_gl:
+        return "exact"
     if render_gl.is_available():
         return "gl"
     _say_once("no OpenGL context opens here: going on with the exact renderer, which needs none")
@@ -84,7 +97,7 @@ def draw(
 ) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
     if renderer == "exact":
-        from peaksim.render_exact import integrate
+        from peaksim.area_integral import integrate
 
         return integrate(scene, camera, pose[None]), None
     from peaksim import render_gl

@@ -51,10 +51,11 @@ def _truths_on(
     distances = np.linalg.norm(eye - centers, axis=1)
     cosines = (eye - centers) @ quad.world_from_quad[:3, 2] / distances
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    hiding = np.delete(faces, number, axis=0)
+    hidden = [cosine <= 0 or _is_outside(camera, *c) for cosine, *c in zip(cosines, in_camera, corners_xy, strict=True)]
+    hiding = np.delete(faces, number, axis=0)[: 0 if all(hidden) else None]
     hiding = hiding[may_hide(eye, quad.corners_m, hiding)]
     for k, mark in enumerate(quad.marks):
-        if cosines[k] <= 0 or _is_outside(camera, in_camera[k], corners_xy[k]):
+        if hidden[k]:
             share = 0.0
         elif _is_inside(camera, corners_xy[k]) and not may_hide(eye, corners[k], hiding).any():
             share = 1.0
@@ -136,9 +137,7 @@ def polygon_area(corners_xy: NDArray[np.float64]) -> float:
     return float((x * next_y - next_x * y).sum() / 2)
 
 
-def visible_fraction(
-    camera: Camera, pose: Pose, solids: "Solids", number: int, corners: NDArray[np.float64]
-) -> float:
+def visible_fraction(camera: Camera, pose: Pose, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
     """Return the share of a rectangle's image area that is inside the picture and in front of all else.
 
     The rectangle is sampled evenly; each sample counts by the image area that it stands for.
@@ -153,7 +152,7 @@ def visible_fraction(
     weights = _area_weights(camera, in_camera, transform(invert(pose), corners))
     inside = ((xy >= -0.5) & (xy <= [camera.width - 0.5, camera.height - 0.5])).all(axis=1)
     seen = np.zeros(len(points), dtype=bool)
-    seen[inside] = first_faces(solids, pose[:3, 3], points[inside] - pose[:3, 3]) == number
+    seen[inside] = first_faces(solids, pose[:3, 3], points[inside] - pose[:3, 3])[0] == number
     return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
 
 
@@ -168,11 +167,11 @@ def _area_weights(camera: Camera, points: NDArray[np.float64], corners: NDArray[
 
 def surfaces(scene: Scene, camera: Camera, world_from_camera: Pose) -> Surfaces:
     """Return depth, ids and normals at pixel centres, by one exact ray each."""
-    from peaksim.rays import nearest_faces, solids_of
+    from peaksim.rays import first_faces, solids_of
 
     x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
     rays = camera.unproject(np.stack([x.ravel(), y.ravel()], axis=1))
-    faces, parameters = nearest_faces(
+    faces, parameters = first_faces(
         solids_of(scene, quads=True), world_from_camera[:3, 3], rays @ world_from_camera[:3, :3].T
     )
     shape = (camera.height, camera.width)

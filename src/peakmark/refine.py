@@ -57,8 +57,8 @@ class Refined:
 
     @property
     def side_px(self) -> NDArray[np.float64]:
-        """(n,) square root of the affinity's area."""
-        with np.errstate(invalid="ignore"):  # nan where nothing was found
+        """(n,) square root of the affinity's area; nan where not converged."""
+        with np.errstate(invalid="ignore"):
             return np.asarray(np.sqrt(np.abs(np.linalg.det(self.affine))))
 
     def corners(self) -> NDArray[np.float64]:

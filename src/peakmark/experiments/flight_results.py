@@ -61,6 +61,7 @@ def _result(flight: Flight, records: Sequence[dict[str, Any]], course: Sequence[
     return {
         **figures(records, course, flight.times_s, flight.ride.camera, flight.stretch, flight.floor_map),
         "recall_by": {quantity: recall_by(records, quantity) for quantity in BINS},
+        "pixels": flight.ride.camera.width * flight.ride.camera.height,
         "remarks": remarks(flight),
         "renderer": renderer,
         "gl_renderer": gl_renderer,

@@ -73,7 +73,7 @@ def _render(console: Console, config: FloorConfig, out: Path) -> None:
 
         result = run(config, out, on_step)
     title = f"{config.scene} · {result['renderer']} · seed {config.seed}"
-    _print_table(console, title, ("figure", "value"), result_rows(result))
+    print_table(console, title, ("figure", "value"), result_rows(result))
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
@@ -90,10 +90,11 @@ def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) ->
     for remark in result["remarks"]:
         console.print(f"note: {remark}")
     title = f"{config.trajectory} · {result['renderer']} · seed {config.seed}"
-    _print_table(console, title, ("figure", "value", "low", "high", "of"), result_rows(result))
+    print_table(console, title, ("figure", "value", "low", "high", "of"), result_rows(result))
 
 
-def _print_table(console: Console, title: str, head: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> None:
+def print_table(console: Console, title: str, head: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> None:
+    """Print a table whose first column names the figures of the others."""
     from peakmark.report import cell
 
     table = Table(*head, title=title)
