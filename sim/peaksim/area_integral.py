@@ -220,7 +220,8 @@ def textured_in_tiles(views: Views, cells: Cells) -> tuple[NDArray[np.int64], ND
     """Return the (n,) textured faces that fill one of a tile's 4 × 4 looked-at pixels, and (t, n) in which tile."""
     step = TILE // 4
     shown = cells.owners[::step, ::step]
-    shown = np.where((shown >= 0) & views.printed[0, np.maximum(shown, 0)], shown, NOTHING)
+    printed = np.append(views.printed[0], [False])  # the last one stands for no face
+    shown = np.where(printed[np.maximum(shown, -1)], shown, NOTHING)
     faces = np.unique(shown[shown >= 0])
     columns = (shown[:, :, None] == faces).any(axis=0)
     return faces, np.logical_or.reduceat(columns, np.arange(0, len(columns), 4))

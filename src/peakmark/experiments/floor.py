@@ -99,8 +99,7 @@ def fly(setup: Setup, config: FloorConfig) -> Iterator[View]:
 def look(setup: Setup, config: FloorConfig, index: int, time_s: float) -> View:
     """Render, detect, identify and score one frame."""
     start = perf_counter()
-    pose = setup.trajectory.at(time_s)
-    frame = render(setup.scene, setup.camera, pose, renderer=config.renderer, time_s=time_s)
+    frame = render(setup.scene, setup.camera, setup.trajectory, renderer=config.renderer, time_s=time_s)
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     rendered = perf_counter()
     picture = as_gray(frame.image)
