@@ -15,7 +15,7 @@ from peaksim.rendering import Renderer, render
 from peaksim.ride import Ride
 from peaksim.ride_file import load_ride, shortened
 from peaksim.scene import Scene
-from peaksim.scene_file import Setup, load_scene
+from peaksim.scene_file import Setup
 from peaksim.sensor import take
 
 from peakmark import identification
@@ -49,8 +49,6 @@ class FlightConfig:
     """How key points become markers."""
     frames: int | None = None
     """Only so many frames from the start; None takes all."""
-    map: str | None = None
-    """Scene file or name whose markers are the map; None takes the scene that is flown through."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (
@@ -75,10 +73,16 @@ class Flight:
     """(n,) of the frames."""
     stretch: Stretch
     """What `config.stretch` comes to."""
-    floor_map: FloorMap | None
-    """Of the markers of the scene that `config.map` names, see `map_of`."""
-    marker_names: list[str]
-    """Names of the markers of the map, in its order."""
+
+    @property
+    def floor_map(self) -> FloorMap | None:
+        """The scene's markers as a map, see `map_of`."""
+        return map_of(self.setup.scene)
+
+    @property
+    def marker_names(self) -> list[str]:
+        """Names of the scene's markers, in the order of `floor_map`."""
+        return [mark.name for quad in self.setup.scene.quads for mark in quad.marks]
 
 
 @dataclass(frozen=True)
@@ -104,10 +108,7 @@ def open_flight(config: FlightConfig) -> Flight:
     setup, ride = load_ride(config.trajectory, config.scene, config.texture, config.seed)
     if config.frames is not None:
         ride = shortened(ride, config.frames)
-    charted = setup.scene if config.map is None else load_scene(config.map).scene
-    names = [mark.name for quad in charted.quads for mark in quad.marks]
-    times_s = ride.trajectory.frame_times_s(ride.frames_per_second)
-    return Flight(config, setup, ride, times_s, stretch_of(config, ride), map_of(charted), names)
+    return Flight(config, setup, ride, ride.trajectory.frame_times_s(ride.frames_per_second), stretch_of(config, ride))
 
 
 def stretch_of(config: FlightConfig, ride: Ride) -> Stretch:
@@ -165,18 +166,12 @@ def judge(frame: Frame, stretch: Stretch, rule: Rule, index: int, render_s: floa
 
 
 def photograph(flight: Flight, index: int) -> Frame:
-    """Return one frame after the sensor, averaged over the exposure; its truth is that of the middle of it."""
-    time_s = float(flight.times_s[index])
-    scene = flight.setup.scene
+    """Return one frame after the sensor; its truth is that of mid-exposure."""
+    time_s, scene = float(flight.times_s[index]), flight.setup.scene
     renderer = quicker(flight.config.renderer, scene)
-    parts = [
-        render(scene, flight.ride.camera, flight.ride.trajectory.at(float(at)), renderer=renderer, time_s=time_s)
-        for at in flight.ride.exposed_s(time_s)
-    ]
-    linear = np.mean([part.linear for part in parts], axis=0)
+    frame = render(scene, flight.ride.camera, flight.ride.trajectory, renderer=renderer, time_s=time_s)
     noise = np.random.default_rng((flight.config.seed, index))
-    image = take(linear, flight.ride.sensor_at(time_s), noise)
-    return replace(parts[len(parts) // 2], linear=linear, image=image)
+    return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
 
 
 def quicker(renderer: Renderer, scene: Scene) -> Renderer:
