@@ -6,7 +6,12 @@
 | surf-paper | ours with the marker paper's 4 octaves × 2 layers |
 | surf-opencv | OpenCV's own, if this cv2 was built with OPENCV_ENABLE_NONFREE; the same parameters |
 | sift | OpenCV's SIFT with centred key points; `threshold` is its contrast threshold, plus `layers`, `strongest` |
+| sift-opencv | the same as it comes: key points lie 0.25 px too far right and down |
+| vlfeat | VLFeat's SIFT through pycolmap; the response is its |DoG|, see `peakmark.detectors_vlfeat` |
+| cv2:NAME | any `cv2.Feature2D` that `cv2.NAME_create` makes, such as cv2:ORB; parameters as that function's |
 | module:function | a function of yours that takes the image and any parameters given |
+
+What a detector does wrong is counted by `peakmark.detectors_outcome`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,43 +23,53 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peakmark.detectors_vlfeat import require_vlfeat, vlfeat_sift
 from peakmark.errors import InputError
 from peakmark.gray import as_gray
 from peakmark.keypoints import Keypoints
 
 Detector = Callable[..., Keypoints]
 
-NAMES = ("surf", "surf-paper", "surf-opencv", "sift")
+NAMES = ("surf", "surf-paper", "surf-opencv", "sift", "sift-opencv", "vlfeat")
+"""Detectors with a name of their own."""
 
 
-def find_detector(name: str) -> Detector:
+def find_detector(name: str, describe: bool = True) -> Detector:
     """Return a detector by name.
 
     Parameters
     ----------
-    name : one of `NAMES`, or "module:function" for a function of an importable module. That function gets the image
-        as the caller has it, and returns `Keypoints`, a sequence of `cv2.KeyPoint`, or such a sequence and its
-        descriptors.
+    name : one of `NAMES`, "cv2:NAME", or "module:function" for a function of an importable module. That function gets
+        the image as the caller has it, and returns `Keypoints`, a sequence of `cv2.KeyPoint`, or such a sequence and
+        its descriptors.
+    describe : also describe the key points, where the detector can; the user's own function decides for itself.
 
     Raises
     ------
     InputError
-        If there is no such detector, or this OpenCV has no SURF.
+        If there is no such detector, this OpenCV has no SURF, or pycolmap is missing.
     """
+    if name.startswith("cv2:"):
+        return partial(opencv_feature, _opencv_maker(name), describe)
     if ":" in name:
-        return partial(_detect_with, _import_function(name))
+        return partial(_detect_with, import_function(name))
+    if name not in NAMES:
+        raise InputError(f"detector: expected one of {', '.join(NAMES)}, cv2:NAME or module:function, got {name!r}")
     if name == "surf-opencv":
         _require_opencv_surf()
+    if name == "vlfeat":
+        require_vlfeat()
     from peakmark import surf
 
+    ours: Detector = surf.detect_and_describe if describe else surf.detect
     known: dict[str, Detector] = {
-        "surf": surf.detect_and_describe,
-        "surf-paper": partial(surf.detect_and_describe, **surf.PAPER),
+        "surf": ours,
+        "surf-paper": partial(ours, **surf.PAPER),
         "surf-opencv": opencv_surf,
-        "sift": opencv_sift,
+        "sift": partial(opencv_sift, describe=describe),
+        "sift-opencv": partial(opencv_sift, describe=describe, centred=False),
+        "vlfeat": partial(vlfeat_sift, describe=describe),
     }
-    if name not in known:
-        raise InputError(f"detector: expected one of {', '.join(NAMES)} or module:function, got {name!r}")
     return known[name]
 
 
@@ -105,15 +120,45 @@ def opencv_surf(
 
 
 def opencv_sift(
-    image: ArrayLike, threshold: float = 0.04, layers: int = 3, strongest: int | None = None
+    image: ArrayLike,
+    threshold: float = 0.04,
+    layers: int = 3,
+    strongest: int | None = None,
+    *,
+    describe: bool = True,
+    centred: bool = True,
 ) -> Keypoints:
     """OpenCV's SIFT, strongest first; `enable_precise_upscale`, as key points are off by a quarter pixel without it."""
-    detector = _opencv().SIFT_create(nOctaveLayers=layers, contrastThreshold=threshold, enable_precise_upscale=True)
-    points, descriptors = detector.detectAndCompute(as_gray(image), None)
-    if descriptors is None:
-        descriptors = np.zeros((0, 128), dtype=np.float32)
-    keypoints = Keypoints.from_opencv(points, descriptors)
-    return keypoints[np.argsort(-keypoints.response, kind="stable")][:strongest]
+    detector = _opencv().SIFT_create(nOctaveLayers=layers, contrastThreshold=threshold, enable_precise_upscale=centred)
+    return _strongest_first(_run_opencv(detector, as_gray(image), describe, 128))[:strongest]
+
+
+def opencv_feature(make: Callable[..., Any], describe: bool, image: ArrayLike, **parameters: Any) -> Keypoints:
+    """Key points, strongest first, of what `make(**parameters)` gives, a `cv2.Feature2D`; described if it can.
+
+    Raises
+    ------
+    InputError
+        If OpenCV does not take the parameters.
+    """
+    cv2 = _opencv()
+    try:
+        detector = make(**parameters)
+    except (TypeError, cv2.error) as error:
+        raise InputError(f"detector cv2:{make.__name__}: expected its parameters, got {error}") from error
+    length = detector.descriptorSize() if describe else 0
+    return _strongest_first(_run_opencv(detector, as_gray(image), length > 0, length))
+
+
+def _run_opencv(detector: Any, gray: NDArray[np.uint8], describe: bool, length: int) -> Keypoints:
+    if not describe:
+        return Keypoints.from_opencv(detector.detect(gray, None))
+    points, descriptors = detector.detectAndCompute(gray, None)
+    return Keypoints.from_opencv(points, np.zeros((0, length), np.float32) if descriptors is None else descriptors)
+
+
+def _strongest_first(keypoints: Keypoints) -> Keypoints:
+    return keypoints[np.argsort(-np.abs(keypoints.response), kind="stable")]
 
 
 def _opencv() -> Any:
@@ -128,7 +173,27 @@ def _require_opencv_surf() -> None:
         raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
 
 
-def _import_function(name: str) -> Callable[..., Any]:
+def _opencv_maker(name: str) -> Callable[..., Any]:
+    """Return `cv2.NAME_create` of "cv2:NAME"."""
+    cv2 = _opencv()
+    make: Callable[..., Any] = getattr(cv2, f"{name.removeprefix('cv2:')}_create", lambda: None)
+    try:
+        made = make()
+    except (TypeError, cv2.error) as error:
+        raise InputError(f"detector {name}: expected one that this OpenCV can make, got {error}") from error
+    if not isinstance(made, cv2.Feature2D):
+        raise InputError(f"detector: expected cv2:NAME of a cv2.Feature2D, got {name!r}")
+    return make
+
+
+def import_function(name: str) -> Callable[..., Any]:
+    """Return the function of "module:function".
+
+    Raises
+    ------
+    InputError
+        If it cannot be imported.
+    """
     module_name, _, function_name = name.partition(":")
     try:
         function = getattr(import_module(module_name), function_name)
@@ -140,8 +205,17 @@ def _import_function(name: str) -> Callable[..., Any]:
 
 
 def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters: Any) -> Keypoints:
-    """Call the user's function and take what it returns as `Keypoints`."""
-    found = function(image, **parameters)
+    return as_keypoints(function(image, **parameters))
+
+
+def as_keypoints(found: Any) -> Keypoints:
+    """Return what a user's function found as `Keypoints`.
+
+    Raises
+    ------
+    InputError
+        If it is none of the kinds that `find_detector` names.
+    """
     if isinstance(found, Keypoints):
         return found
     if isinstance(found, tuple) and len(found) == 2 and not hasattr(found[0], "pt"):

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from peakmark import surf
 from peakmark.classification import Classifier, evidence, shipped_classifier
-from peakmark.identification import Detection
-from peakmark.identification_joint import SIDE_OF_SCALE, one_each
+from peakmark.identification import SIDE_OF_SCALE, Detection
+from peakmark.identification_joint import one_each
 from peakmark.keypoints import Keypoints
 from peakmark.marker import Polarity
 from peakmark.refine import Refined, refine

@@ -7,6 +7,7 @@ from peaksim.camera import Camera
 from peaksim.pose import compose, look_at, rotation_about
 from peaksim.rays import solids_of
 from peaksim.scene import Mark, Quad, Scene, rectangle_m
+from peaksim.shutter import still
 from peaksim.texture import Texture
 from peaksim.truth import face_corners_m, marker_truth, may_hide, visible_fraction
 
@@ -36,13 +37,12 @@ def test_certain_fractions_are_those_that_sampling_gives(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene = random_scene(rng)
     eye, target = [*rng.uniform(-1.5, 1.5, 2), rng.uniform(0.8, 2.5)], [*rng.uniform(-0.7, 0.7, 2), 0.0]
-    pose = look_at(eye, target, up=(0.1, 1, 0))
+    shot = still(CAMERAS[seed % 3], look_at(eye, target, up=(0.1, 1, 0)))
     solids = solids_of(scene, quads=True)
     poster = scene.quads[1]
-    camera = CAMERAS[seed % 3]
-    for truth, mark in zip(marker_truth(scene, camera, pose), poster.marks, strict=True):
+    for truth, mark in zip(marker_truth(scene, shot), poster.marks, strict=True):
         corners = rectangle_m(poster, mark.center_m, (mark.side_m, mark.side_m))
-        assert abs(truth.visible_fraction - visible_fraction(camera, pose, solids, 1, corners)) <= 1e-12
+        assert abs(truth.visible_fraction - visible_fraction(shot, solids, 1, corners)) <= 1e-12
 
 
 def test_a_card_hides_what_lies_behind_it_only() -> None:
