@@ -67,7 +67,7 @@ def test_frames_can_lie_loose_only_or_in_shards_only(folder: Path, tmp_path: Pat
     assert check_corpus(str(tmp_path / "c")) == []
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_whatever_is_lost_or_torn_is_made_again(folder: Path, tmp_path: Path, seed: int) -> None:
     """Take back a random part of a finished set in the order of writing, tear some files, and go on."""
     make_corpus(tiny_spec(), folder, str(tmp_path / "whole"))
@@ -108,7 +108,7 @@ def kill_until_done(folder: Path, dest: Path, kills: int, rng: random.Random, *,
 
 def test_kill_9_while_it_runs_changes_nothing_in_the_end(folder: Path, tmp_path: Path) -> None:
     make_corpus(tiny_spec(frames=60), folder, str(tmp_path / "whole"))
-    kill_until_done(folder, tmp_path / "killed", 2, random.Random(1), frames=60, workers="2")
+    kill_until_done(folder, tmp_path / "killed", 1, random.Random(1), frames=60, workers="2")
     assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
     assert check_corpus(str(tmp_path / "killed")) == []
 
