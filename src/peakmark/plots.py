@@ -76,7 +76,8 @@ def top_view(ax: Any, markers_m: NDArray[np.float64], ways_m: dict[str, NDArray[
     ax.scatter(*markers_m.T, s=14, marker="s", color=CLUTTER_COLOUR, label="markers")
     for (name, way), (colour, line, width) in zip(ways_m.items(), styles, strict=False):
         ax.plot(*way.T, color=colour, linestyle=line, linewidth=width, label=name)
-    ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+    ax.set_aspect("equal", adjustable="datalim")
     ax.grid(alpha=0.3)
     ax.legend(frameon=False, fontsize=8)
 
