@@ -20,7 +20,7 @@ from peaksim.faces import BACK_LEVEL, channels_of, mesh_levels
 from peaksim.pose import Pose
 from peaksim.scene import Quad, Scene
 
-MINOR = 3
+MINOR = 4
 """Samples a pixel along the axis in which a surface is least compressed; the other axis gets more."""
 MOST = 24
 """Most samples a pixel along one axis."""

@@ -22,7 +22,7 @@ Renderer = Literal["auto", "exact", "gl"]
 
 MOST_MOMENTS = 256
 """Most pictures that a motion blur is made of."""
-_MOMENTS_PER_PX = 2.0
+_MOMENTS_PER_PX = 1.5
 
 
 def render(
@@ -147,7 +147,7 @@ def _draw_sharp(scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]) -> N
 
 
 def count_moments(scene: Scene, shot: Shot) -> int:
-    """Return how many pictures a motion blur is made of: two for each pixel that what is seen moves."""
+    """Return how many pictures a motion blur is made of: three for every two pixels that what is seen moves."""
     camera = shot.camera
     x, y = np.meshgrid(np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 7))
     xy = np.stack([x, y], axis=2)

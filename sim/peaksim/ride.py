@@ -14,9 +14,6 @@ from peaksim.trajectory import Trajectory
 
 _STEP_S = 0.01
 
-EXPOSURE_PARTS = 3
-"""Pictures that are averaged for motion blur; enough for blurs of up to about three pixels."""
-
 
 @dataclass(frozen=True)
 class Mount:
@@ -64,18 +61,6 @@ class Ride:
     """Changes of the exposure."""
     mount: Mount | None = None
     """The camera's height and pitch where they are constant but for bumps; None if not stated."""
-    exposure_s: float = 0.0
-    """Time that the shutter is open, half of it before the frame's time and half after; 0 for no motion blur."""
-
-    def exposed_s(self, time_s: float) -> NDArray[np.float64]:
-        """Return the times whose pictures make up a frame: the middles of equal parts of the exposure, or one time.
-
-        Their number is odd, so that the frame's own time, for which truth is told, is the middle one.
-        """
-        if self.exposure_s == 0:
-            return np.array([time_s])
-        parts = (np.arange(EXPOSURE_PARTS) + 0.5) / EXPOSURE_PARTS - 0.5
-        return np.asarray(time_s + parts * self.exposure_s)
 
     def sensor_at(self, time_s: float) -> Sensor:
         """Return the sensor with the exposure of a time."""

@@ -145,8 +145,8 @@ def _ride(table: RideTable, setup: Setup, layout: SceneTable, seed: int) -> Ride
     )
     lens = setup.camera if table.camera is None else camera(table.camera)
     sensor = setup.sensor if table.sensor is None else build_sensor(table.sensor)
-    light, exposure_s = Light(**table.light.model_dump()), table.exposure_s
-    return Ride(trajectory, table.frames_per_second, lens, sensor, light, mount, exposure_s)
+    lens = replace(lens, exposure_s=table.exposure_s or lens.exposure_s)
+    return Ride(trajectory, table.frames_per_second, lens, sensor, Light(**table.light.model_dump()), mount)
 
 
 def _path(drive: DriveTable, layout: SceneTable) -> FloorPath:

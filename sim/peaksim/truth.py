@@ -54,7 +54,7 @@ def _truths_on(
     distances = np.linalg.norm(eyes - centers, axis=1)
     cosines = ((eyes - centers) * quad.world_from_quad[:3, 2]).sum(axis=1) / distances
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    shares = np.where(cosines > 0, _visible_fractions(shot, solids, faces, number, quad, corners, corners_xy), 0.0)
+    shares = _visible_fractions(shot, solids, faces, number, quad, corners, corners_xy, cosines > 0)
     shapes = affinities(shot, corners), ellipses(shot, corners)
     means, covariances = blur(moments, centers)
     for k, mark in enumerate(quad.marks):
@@ -94,21 +94,18 @@ def _visible_fractions(
     quad: Quad,
     corners: NDArray[np.float64],
     corners_xy: NDArray[np.float64],
+    facing: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
     """Return the visible shares of (n, 4, 3) rectangles on a quad: without rays where that is certain."""
     in_camera = transform(invert(shot.pose), corners)
-    shares = np.zeros(len(corners))
-    seen = [
-        k for k in range(len(corners)) if shot.is_rolling or not _is_outside(shot.camera, in_camera[k], corners_xy[k])
-    ]
-    hiding = np.delete(faces, number, axis=0)[: None if seen else 0]
+    seen = np.array([_may_be_seen(shot, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
+    hiding = np.delete(faces, number, axis=0)[: None if seen.any() else 0]
     if not shot.is_rolling:
         hiding = hiding[may_hide(shot.pose[:3, 3], quad.corners_m, hiding)]
-    for k in seen:
-        if _is_inside(shot, corners_xy[k]) and not _is_hidden(shot, corners[k], corners_xy[k], hiding):
-            shares[k] = 1.0
-        else:
-            shares[k] = visible_fraction(shot, solids, number, corners[k])
+    shares = np.zeros(len(corners))
+    for k in np.flatnonzero(seen):
+        certain = _is_inside(shot, corners_xy[k]) and not _is_hidden(shot, corners[k], corners_xy[k], hiding)
+        shares[k] = 1.0 if certain else visible_fraction(shot, solids, number, corners[k])
     return shares
 
 
@@ -120,13 +117,16 @@ def _is_hidden(
     return any(may_hide(eye, corners, faces).any() for eye in eyes)
 
 
-def _is_outside(camera: Camera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
-    """Return whether a rectangle is certainly not in the picture."""
-    if camera.model == "brown" and bool((in_camera[:, 2] <= 0).all()):
+def _may_be_seen(shot: Shot, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
+    """Return whether a rectangle may be in the picture; False is certain."""
+    camera = shot.camera
+    if shot.is_rolling:
         return True
+    if camera.model == "brown" and bool((in_camera[:, 2] <= 0).all()):
+        return False
     low, high = _bounds(camera, corners_xy, bends=not camera.is_pinhole)
     end = np.array([camera.width, camera.height]) - 0.5
-    return bool(np.any(high <= -0.5) or np.any(low >= end))
+    return not bool(np.any(high <= -0.5) or np.any(low >= end))
 
 
 def _is_inside(shot: Shot, corners_xy: NDArray[np.float64]) -> bool:

@@ -1,6 +1,5 @@
 """Rides: speeds, stops, height and pitch are what was asked for."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,10 +100,3 @@ def test_senseless_rides_are_refused(change: dict, message: str) -> None:
     arguments = {"speed_m_s": 1.0, "start_m": 0.0, "end_m": 6.0, **change}
     with pytest.raises(SceneError, match=message):
         follow_path(STRAIGHT, MOUNT, rng=rng(), **arguments)
-
-
-def test_an_exposure_lies_around_the_time_of_its_frame() -> None:
-    still = Ride(follow_path(STRAIGHT, MOUNT, 0.5, 0.0, 2.0, rng()), 10.0, Camera(), Sensor())
-    assert still.exposed_s(1.5).tolist() == [1.5]
-    open_times = replace(still, exposure_s=0.03).exposed_s(1.5)
-    assert np.allclose(open_times, [1.49, 1.5, 1.51])

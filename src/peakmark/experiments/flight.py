@@ -165,18 +165,12 @@ def judge(frame: Frame, stretch: Stretch, rule: Rule, index: int, render_s: floa
 
 
 def photograph(flight: Flight, index: int) -> Frame:
-    """Return one frame after the sensor, averaged over the exposure; its truth is that of the middle of it."""
-    time_s = float(flight.times_s[index])
-    scene = flight.setup.scene
+    """Return one frame after the sensor; its truth is that of mid-exposure."""
+    time_s, scene = float(flight.times_s[index]), flight.setup.scene
     renderer = quicker(flight.config.renderer, scene)
-    parts = [
-        render(scene, flight.ride.camera, flight.ride.trajectory.at(float(at)), renderer=renderer, time_s=time_s)
-        for at in flight.ride.exposed_s(time_s)
-    ]
-    linear = np.mean([part.linear for part in parts], axis=0)
+    frame = render(scene, flight.ride.camera, flight.ride.trajectory, renderer=renderer, time_s=time_s)
     noise = np.random.default_rng((flight.config.seed, index))
-    image = take(linear, flight.ride.sensor_at(time_s), noise)
-    return replace(parts[len(parts) // 2], linear=linear, image=image)
+    return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
 
 
 def quicker(renderer: Renderer, scene: Scene) -> Renderer:
