@@ -52,7 +52,7 @@ def _truths_on(
     centers_xy, corners_xy = shot.project(centers), shot.project(corners.reshape(-1, 3)).reshape(-1, 4, 2)
     eyes = shot.row_poses(np.nan_to_num(centers_xy[:, 1]))[:, :3, 3]
     distances = np.linalg.norm(eyes - centers, axis=1)
-    cosines = ((eyes - centers) * quad.world_from_quad[:3, 2]).sum(axis=1) / distances
+    cosines = ((eyes - centers) * quad.world_from_quad[:3, 2]).sum(axis=1) / np.maximum(distances, 1e-300)
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
     shares = _visible_fractions(shot, solids, faces, number, quad, corners, corners_xy, cosines > 0)
     shapes = affinities(shot, corners), ellipses(shot, corners)

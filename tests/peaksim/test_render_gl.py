@@ -32,7 +32,7 @@ def chequered_floor() -> Scene:
     return Scene((Quad("floor", Texture.from_array(chequer.astype(np.uint8)), (4.0, 4.0), np.eye(4)),))
 
 
-@pytest.mark.parametrize("seed", [0, 4, 11])
+@pytest.mark.parametrize("seed", [0, 7, 11])
 def test_it_agrees_with_the_exact_renderer(seed: int) -> None:
     view = random_view(seed, 240, 180)
     difference = render_gl.integrate(view.scene, view.camera, view.pose) - integrate(
