@@ -23,7 +23,7 @@ app.command()(envelope)
 def detect(
     source: Annotated[Path, Argument(help="A picture (PNG, JPEG, TIFF, …), a folder of pictures, or a film.")],
     out: Annotated[Path, Option(help="Folder, or for one picture FILE.npz, .csv or .json.")] = Path("out/detect"),
-    detector: Annotated[str, Option(help="surf, surf-paper, surf-opencv, sift, or module:function.")] = "surf",
+    detector: Annotated[str, Option(help="surf, surf-paper, sift, cv2:ORB, module:function, … (see README).")] = "surf",
     threshold: Annotated[float | None, Option(help="Smallest response. [default: 100 for SURF]")] = None,
     octaves: Annotated[int | None, Option(help="Octaves. [default: 4]")] = None,
     layers: Annotated[int | None, Option(help="Searched layers an octave. [default: 3]")] = None,

@@ -81,7 +81,7 @@ def _table(path: Path | None) -> tuple[tuple[str, ...], ...]:
     try:
         text = (path or files("peakmark") / "data" / "envelope.csv").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected an envelope.csv, got {error}") from error
+        raise InputError(f"{path or 'envelope.csv'}: expected a table of rates, got {error}") from error
     head, *lines = text.splitlines() or [""]
     if tuple(head.split(",")) != COLUMNS:
         raise InputError(f"{path or 'envelope.csv'}: expected columns {', '.join(COLUMNS)}, got {head[:80]!r}")

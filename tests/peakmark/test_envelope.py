@@ -45,15 +45,17 @@ def test_gaps_and_reach_say_for_each_size_whether_it_is_inside(good, focal_px, s
         assert is_good == (inside and not any(near < at < far for near, far in one.gaps_m))
 
 
-def test_the_shipped_rates_cover_the_markers_and_fall_with_tilt():
-    for marker, detector in (("surf-dark", "surf"), ("surf-dark", "surf-paper"), ("sift-dark", "sift")):
-        for noise in (0.0, 10.0):
-            found = load_rates(marker, detector, noise)
-            assert (np.diff(found.tilt_deg) > 0).all()
-            assert (found.detected >= found.detected_low).all()
-            assert found.detected[0].mean() > found.detected[-1].mean()
-            square = reach(found, 1774, 0.08)[0]
-            assert square.farthest_m > 5
+@pytest.mark.parametrize("noise", [0.0, 10.0])
+@pytest.mark.parametrize("detector", ["surf", "surf-paper"])
+def test_the_shipped_rates_are_sure_and_fall_with_tilt(detector, noise):
+    found = load_rates("surf-dark", detector, noise)
+    assert (np.diff(found.tilt_deg) > 0).all()
+    assert (np.diff(found.side_px) > 0).all()
+    assert (found.detected >= found.detected_low).all()
+    assert found.detected[0].mean() > found.detected[-1].mean()
+    square, *_, steepest = reach(found, 1774, 0.08)
+    assert square.farthest_m > 7
+    assert 4 < steepest.farthest_m < square.farthest_m
 
 
 @pytest.mark.parametrize(("text", "message"), [
@@ -69,7 +71,7 @@ def test_unusable_tables_are_named(tmp_path, text, message):
 
 
 def test_a_missing_table_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none.csv: expected an envelope.csv"):
+    with pytest.raises(InputError, match=r"none.csv: expected a table of rates"):
         load_rates(path=tmp_path / "none.csv")
 
 

@@ -67,10 +67,13 @@ def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequenc
             draw_response(line[0], found, colour, ", ".join(filter(None, names)))
             draw_rate(line[1], found, colour)
             draw_error(line[2], found, colour)
+        x = [row["x"] for _, found in panel for row in found]
         for ax in line:
-            ax.set(xlabel=LABELS[experiment], xscale="log" if experiment in _LOGARITHMIC else "linear")
-            ax.xaxis.set_major_formatter("{x:g}")
-            ax.xaxis.set_minor_formatter("")
+            ax.set(xlabel=LABELS[experiment])
+            if experiment in _LOGARITHMIC:
+                ax.set(xscale="log", xlim=(min(x) / 1.1, max(x) * 1.1))
+                ax.xaxis.set_major_formatter("{x:g}")
+                ax.xaxis.set_minor_formatter("")
             ax.grid(alpha=0.3)
         line[0].legend(frameon=False, fontsize=7)
     return figure
