@@ -62,6 +62,21 @@ def wrong_type(gray: NDArray[np.uint8]) -> Any:
     return {"x": 1}
 
 
+def always_nan(gray: NDArray[np.uint8]) -> Any:
+    return [cv2.KeyPoint(float("nan"), 1.0, 1.0)]
+
+
+def always_dies(gray: NDArray[np.uint8]) -> Any:
+    os._exit(7)
+
+
+def fails_on_every_third(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Fail on every third picture, by what is in it."""
+    if int(gray.sum()) % 3 == 0:
+        raise RuntimeError("not today")
+    return brightest(gray)
+
+
 def everything(gray: NDArray[np.uint8]) -> Found:
     """Return features and detections together."""
     return Found(Keypoints.from_opencv(brightest(gray)), detection(gray))
@@ -70,32 +85,36 @@ def everything(gray: NDArray[np.uint8]) -> Found:
 # --- planted faults: our own finder with one thing broken ---------------------------------------------------------
 
 
-def _markers(gray: NDArray[np.uint8], **parameters: Any) -> Found:
+def markers(gray: NDArray[np.uint8], **parameters: Any) -> Found:
+    """Find markers as the suite of the floor does."""
     return built_in(FinderSettings(stretch=1.5, parameters=parameters))(gray)
 
 
-def threshold_doubled(gray: NDArray[np.uint8]) -> Found:
-    return _markers(gray, threshold=2 * LOW_THRESHOLD)
-
-
-def last_octave_missing(gray: NDArray[np.uint8]) -> Found:
-    return _markers(gray, octaves=3)
-
-
-def half_pixel_shift(gray: NDArray[np.uint8]) -> Found:
+def shifted(found: Found) -> Found:
     """Take pixel corners for centres, along x."""
-    found = _markers(gray)
-    shifted = tuple(replace(d, xy=np.add(d.xy, (0.5, 0.0))) for d in found.detections or ())
-    return Found(found.features.with_columns(xy=found.features.xy + np.float32([0.5, 0])), shifted)
+    moved = tuple(replace(d, xy=np.add(d.xy, (0.5, 0.0))) for d in found.detections or ())
+    return Found(found.features.with_columns(xy=found.features.xy + np.float32([0.5, 0])), moved)
 
 
-def polarity_swapped(gray: NDArray[np.uint8]) -> Found:
+def swapped(found: Found) -> Found:
     """Take light for dark, as the sign of OpenCV's class_id invites one to."""
-    found = _markers(gray)
     return Found(found.features, tuple(replace(d, polarity="light" if d.polarity == "dark" else "dark")
                                        for d in found.detections or ()))  # fmt: skip
 
 
-def image_inverted(gray: NDArray[np.uint8]) -> Found:
-    """Swap the polarity before detection."""
-    return _markers(255 - gray)
+FAULTS = ("threshold × 2", "one octave missing", "half a pixel", "polarity swapped")
+
+
+def with_faults(gray: NDArray[np.uint8]) -> dict[str, Found]:
+    """Return what the sound finder finds, under "sound", and what each faulty one does."""
+    sound = markers(gray)
+    faulty = (markers(gray, threshold=2 * LOW_THRESHOLD), markers(gray, octaves=3), shifted(sound), swapped(sound))
+    return {"sound": sound, **dict(zip(FAULTS, faulty, strict=True))}
+
+
+def half_pixel_shift(gray: NDArray[np.uint8]) -> Found:
+    return shifted(markers(gray))
+
+
+def polarity_swapped(gray: NDArray[np.uint8]) -> Found:
+    return swapped(markers(gray))

@@ -6,6 +6,7 @@ from typing import Annotated, Any, NoReturn
 from typer import Argument, Option, Typer
 
 from peakmark import cli_corpus, cli_regress
+from peakmark.cli_envelope import envelope
 from peakmark.cli_marker import marker
 from peakmark.command import run_command
 
@@ -15,13 +16,14 @@ app = Typer(add_completion=False, no_args_is_help=True, help="Markers that SIFT 
 app.command()(marker)
 app.add_typer(cli_corpus.app, name="corpus")
 app.add_typer(cli_regress.app, name="regress")
+app.command()(envelope)
 
 
 @app.command()
 def detect(
     source: Annotated[Path, Argument(help="A picture (PNG, JPEG, TIFF, …), a folder of pictures, or a film.")],
     out: Annotated[Path, Option(help="Folder, or for one picture FILE.npz, .csv or .json.")] = Path("out/detect"),
-    detector: Annotated[str, Option(help="surf, surf-paper, surf-opencv, sift, or module:function.")] = "surf",
+    detector: Annotated[str, Option(help="surf, surf-paper, sift, cv2:ORB, module:function, … (see README).")] = "surf",
     threshold: Annotated[float | None, Option(help="Smallest response. [default: 100 for SURF]")] = None,
     octaves: Annotated[int | None, Option(help="Octaves. [default: 4]")] = None,
     layers: Annotated[int | None, Option(help="Searched layers an octave. [default: 3]")] = None,

@@ -76,7 +76,8 @@ def top_view(ax: Any, markers_m: NDArray[np.float64], ways_m: dict[str, NDArray[
     ax.scatter(*markers_m.T, s=14, marker="s", color=CLUTTER_COLOUR, label="markers")
     for (name, way), (colour, line, width) in zip(ways_m.items(), styles, strict=False):
         ax.plot(*way.T, color=colour, linestyle=line, linewidth=width, label=name)
-    ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+    ax.set_aspect("equal", adjustable="datalim")
     ax.grid(alpha=0.3)
     ax.legend(frameon=False, fontsize=8)
 
@@ -105,3 +106,32 @@ def response_over_vis(
     ax.set(yscale="log", ylim=(400, 2 * top), xlim=(0, None), xlabel="distance from the version-independent signature",
            ylabel="response (determinant of the Hessian)", title="Detector response and VIS distance")  # fmt: skip
     ax.legend(frameon=False)
+
+
+def envelope_map(
+    ax: Any,
+    distance_m: NDArray[np.float64],
+    tilt_deg: NDArray[np.float64],
+    rate: NDArray[np.float64],
+    is_inside: NDArray[np.bool_],
+) -> None:
+    """Draw detection rates (t, s) over (t,) tilts and (s,) distances; a dot where the envelope's demand is met."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    x, y = _cell_edges(np.log(distance_m)), _cell_edges(tilt_deg)
+    colours = ScalarMappable(Normalize(0, 1), "Greens")
+    ax.pcolormesh(np.exp(x), np.clip(y, 0, 90), rate, cmap=colours.cmap, norm=colours.norm, edgecolors="white",
+                  linewidth=0.3)  # fmt: skip
+    row, column = np.nonzero(is_inside)
+    ax.scatter(distance_m[column], tilt_deg[row], s=6, color="white", label="95 % sure")
+    bar = ax.figure.colorbar(colours, ax=ax, pad=0.02)
+    bar.set_label("share detected; dot: enough of it is sure")
+    ax.set(xscale="log", xlabel="distance (m)", ylabel="tilt (°)", yticks=tilt_deg)
+    ax.xaxis.set_major_formatter("{x:g}")
+
+
+def _cell_edges(middles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return n + 1 edges half-way between n middles, the outer ones as far out as the next ones are in."""
+    between = (middles[1:] + middles[:-1]) / 2
+    return np.concatenate([[2 * middles[0] - between[0]], between, [2 * middles[-1] - between[-1]]])

@@ -175,14 +175,16 @@ def damped_step(hessian, slope, damping, blur):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sandwich(gray, pixels, theta, lines, levels, noise, precision):  # type: ignore[no-untyped-def]
-    """Return the covariance (11, 11) as H⁻¹ (Σ r² j jᵀ + prior) H⁻¹, H = JᵀJ / noise + prior.
+    """Return the covariance (11, 11) as H⁻¹ (Σ e² j jᵀ + prior) H⁻¹, H = JᵀJ / noise + prior.
 
-    It stays right where the noise depends on the grey level or is cut at black and white.
+    It stays right where the noise depends on the grey level or is cut at black and white. e is a pixel's residual
+    from a fit without that pixel, r / (1 − leverage): the few pixels at edges decide the centre and draw the fit to
+    themselves, so that r alone would promise too much (MacKinnon & White 1985, doi:10.1016/0304-4076(85)90158-7).
     """
     r, J = residuals(gray, pixels, theta, lines, levels)
     inverse = np.linalg.inv(gram(J) / noise + np.diag(precision + _RIDGE))
-    correction = len(pixels) / (len(pixels) - PARAMETERS)
-    middle = gram(J * r) * correction / noise**2 + np.diag(precision)
+    leverage = (J * (inverse @ J)).sum(axis=0) / noise
+    middle = gram(J * (r / np.sqrt(1 - leverage))) / noise**2 + np.diag(precision)
     return inverse @ middle @ inverse
 
 

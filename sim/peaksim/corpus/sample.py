@@ -183,7 +183,7 @@ def point_states(
     xy = camera.project(transform(invert(pose), points_m.reshape(-1, 3)))
     in_picture = inside(camera, xy)
     drawn_in = points_m + 1e-3 * (points_m[:, :1] - points_m)
-    first = first_faces(solids_of(scene, quads=True), pose[:3, 3], drawn_in.reshape(-1, 3) - pose[:3, 3])
+    first, _ = first_faces(solids_of(scene, quads=True), pose[:3, 3], drawn_in.reshape(-1, 3) - pose[:3, 3])
     seen = first == np.repeat(owners, points_m.shape[1])
     return np.where(in_picture, np.where(seen, SEEN, COVERED), UNSEEN).reshape(len(points_m), -1)
 

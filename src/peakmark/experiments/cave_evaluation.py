@@ -32,9 +32,9 @@ RECORDS = "records"
 class EvaluationConfig:
     """What to evaluate on."""
 
-    rooms: int = 110
+    rooms: int = 55
     """Random rooms."""
-    views: int = 5
+    views: int = 10
     """Random cameras a room; a few find no free place."""
     split: Split = "held-out"
     """"held-out" or "training"."""

@@ -27,9 +27,9 @@ HIDDEN = 8
 class TrainingConfig:
     """How many rooms to render."""
 
-    training_rooms: int = 40
+    training_rooms: int = 16
     """Rooms to learn from."""
-    held_out_rooms: int = 25
+    held_out_rooms: int = 12
     """Rooms with other photographs, cameras and noise to judge on."""
     views: int = 3
     """Views a room."""

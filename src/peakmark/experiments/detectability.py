@@ -14,6 +14,7 @@ import numpy as np
 
 from peakmark.detectors import Detector, find_detector
 from peakmark.detectors_outcome import Outcome, run_detector
+from peakmark.errors import InputError
 from peakmark.experiments.detectability_journal import Journal, Row
 from peakmark.experiments.detectability_points import Config, Point, points, undistorted
 from peakmark.experiments.trials import Reference, Trial, judge, reference_of, summary
@@ -82,7 +83,7 @@ def run(
     """
     wanted = points(config)
     journal.open()
-    missing = [point for point in wanted if point.name not in journal.rows]
+    missing = together([point for point in wanted if point.name not in journal.rows])
     done = len(wanted) - len(missing)
     on_point(done, len(wanted))
     context = multiprocessing.get_context("spawn")
@@ -99,6 +100,29 @@ def run(
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return [row for point in wanted for row in journal.rows[point.name]]
+
+
+def together(wanted: list[Point]) -> list[Point]:
+    """Return points in an order in which those that look at the same drawings are neighbours."""
+    first: dict[Condition, int] = {}
+    for number, point in enumerate(wanted):
+        first.setdefault(point.condition.scenery, number)
+    return sorted(wanted, key=lambda point: first[point.condition.scenery])
+
+
+def finished(config: Config, journal: Journal) -> list[Row]:
+    """Return the rows of the points that the journal holds, in the order of the points.
+
+    Raises
+    ------
+    InputError
+        If it holds none.
+    """
+    journal.open()
+    rows = [row for point in points(config) for row in journal.rows.get(point.name, ())]
+    if not rows:
+        raise InputError(f"{journal.path}: expected finished points, found none")
+    return rows
 
 
 def _one_thread() -> None:

@@ -11,14 +11,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 from typer import Option
 
-from peakmark.experiments.detectability import run
+from peakmark.experiments.detectability import finished, run
+from peakmark.experiments.detectability_claims import claims_table
 from peakmark.experiments.detectability_journal import Journal, Row
 from peakmark.experiments.detectability_points import Config
-from peakmark.experiments.detectability_tables import claims_table, envelope_table, gains_table
+from peakmark.experiments.detectability_tables import envelope_lines, envelope_table, gains_table
 from peakmark.report import Section, Table, svg_uri, write_report
 from peakmark.results import result_folder, write_json
 
-QUICK = {"trials": 4, "every": 4}
+QUICK = {"trials": 8, "every": 4}
 """What --quick sets: about a minute on two cores."""
 
 JOURNAL = "points.jsonl"
@@ -36,31 +37,36 @@ def detectability(
     only: Annotated[list[str] | None, Option(help="Experiments to run, by name; may be repeated.")] = None,
     detector: Annotated[list[str] | None, Option(help="A further detector by name; may be repeated.")] = None,
     workers: Annotated[int | None, Option(help="Processes. [default: one a core]")] = None,
+    report_only: Annotated[bool, Option("--report-only", help="Measure nothing; report what is finished.")] = False,
     seed: Annotated[int, Option(help="Of phases, turns and noise.")] = 0,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Redo the experiments of Section 4.1 with intervals: scale, rotation, tilt, noise, blur, compression, light.
 
-    Writes rows.csv with the configuration in result.json, figures 1 to 9 as PNG and SVG, and report.html.
+    Writes rows.csv with the configuration in result.json, figures 1 to 9 as PNG and SVG, report.html, and
+    envelope.csv for `peakmark envelope --rates`.
     """
     amount = QUICK if quick else {"trials": trials, "every": every}
     config = Config(**amount, seed=seed, only=tuple(only or ()), extra=tuple(detector or ()), is_paper=paper)
     console = Console(quiet=quiet)
-    columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
-        task = progress.add_task("points", total=None)
-        rows = run(
-            config, Journal(out / JOURNAL, config), workers,
-            lambda done, of: progress.update(task, completed=done, total=of),
-        )  # fmt: skip
+    journal = Journal(out / JOURNAL, config)
+    rows = finished(config, journal) if report_only else _run_with_progress(config, journal, workers, console)
     write_results(out, config, rows)
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
 
 
+def _run_with_progress(config: Config, journal: Journal, workers: int | None, console: Console) -> list[Row]:
+    columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=console.quiet) as progress:
+        task = progress.add_task("points", total=None)
+        return run(config, journal, workers, lambda done, of: progress.update(task, completed=done, total=of))
+
+
 def write_results(out: Path, config: Config, rows: Sequence[Row]) -> None:
-    """Write rows.csv, figures, report.html and result.json."""
+    """Write rows.csv, envelope.csv, figures, report.html and result.json."""
     from peakmark import plots
-    from peakmark.experiments.detectability_figures import all_figures
+    from peakmark.experiments.detectability_curves import curve_figures
+    from peakmark.experiments.detectability_figures import fixed_figures
 
     tables = {
         "The paper's claims": claims_table(rows),
@@ -69,7 +75,8 @@ def write_results(out: Path, config: Config, rows: Sequence[Row]) -> None:
     }
     with result_folder(out) as folder:
         (folder / "rows.csv").write_text(as_csv(rows), encoding="utf-8")
-        figures = all_figures(rows, config.seed)
+        (folder / "envelope.csv").write_text("\n".join(envelope_lines(rows)) + "\n", encoding="utf-8")
+        figures = fixed_figures(config.seed) | curve_figures(rows)
         for name, figure in figures.items():
             plots.save(figure, folder / f"{name}.png")
             plots.save(figure, folder / f"{name}.svg")

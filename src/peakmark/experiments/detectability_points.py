@@ -25,11 +25,18 @@ SIFT_KINDS = ("sift-dark", "sift-range-dark")
 PAPER_PX = 513
 """Side of the paper's pictures."""
 
+MAP_TILTS_DEG = (0.0, 20.0, 40.0, 50.0, 60.0, 70.0)
+MAP_NOISES = (0.0, 10.0)
+"""What the map of sizes × tilts is measured at."""
+
+PAPER_EXPERIMENTS = ("scale", "turn", "tilt", "noise")
+"""What Section 4.1 looks at."""
+
 _SURF_DETECTORS = ("surf-paper", "surf")
 _SIFT_IMAGE_PX = 257
 _WHOLE_TURN_DEG = 180
 _TILTS_DEG = np.array([0, 15, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80], float)
-_MAP_TILTS_DEG = np.array([0, 20, 40, 50, 60, 70], float)
+_NEAR_TILTS_DEG = np.array([0, 15, 25, 30, 35, 45, 55, 65, 75, 80], float)
 
 
 @dataclass(frozen=True)
@@ -45,7 +52,7 @@ class Config:
     extra: tuple[str, ...] = ()
     """Further detectors by name, such as "cv2:ORB" or "module:function", that look at every point."""
     only: tuple[str, ...] = ()
-    """Experiments to run, by name; none is all."""
+    """Experiments to run, by name; none is all, or the paper's with `is_paper`."""
     is_paper: bool = False
     """One centred view a point, as the paper's figures have it, instead of random ones."""
 
@@ -82,8 +89,9 @@ class Point:
 
 
 def points(config: Config) -> list[Point]:
-    """Return all points of a configuration, experiment by experiment; those that share drawings lie together."""
-    chosen = [point for name in (config.only or EXPERIMENTS) for point in EXPERIMENTS[name](config.every)]
+    """Return all points of a configuration, experiment by experiment."""
+    names = config.only or (PAPER_EXPERIMENTS if config.is_paper else tuple(EXPERIMENTS))
+    chosen = [point for name in names for point in EXPERIMENTS[name](config.every)]
     return [
         replace(
             point,
@@ -128,18 +136,18 @@ def _along(
 
 
 def _scale(every: int) -> list[Point]:
-    """SURF sides 8…260 px, SIFT σ 1…60 px; the other family's detector looks on where its marker serves both."""
+    """SURF sides 8…260 px, SIFT σ 1…60 px, binary markers at every other; some are seen by both detectors."""
     sides = np.unique(np.rint(np.geomspace(8, 260, 54)))[::every]
     sigmas = np.round(np.geomspace(1, 60, 22), 2)[::every]
     surf = [
         Point("scale", float(s), Condition(kind, float(s), _room(s)), _scale_detectors(kind, s))
-        for kind in SURF_KINDS
-        for s in sides
+        for kind, step in zip(SURF_KINDS, (1, 2), strict=True)
+        for s in sides[::step]
     ]
     sift = [
         Point("scale", float(s), Condition(kind, SIFT_SIDES * s, _room(SIFT_SIDES * s)), ("sift", "surf-paper"))
-        for kind in SIFT_KINDS
-        for s in sigmas
+        for kind, step in zip(SIFT_KINDS, (1, 2), strict=True)
+        for s in sigmas[::step]
     ]
     return surf + sift
 
@@ -172,17 +180,16 @@ def _turn(every: int) -> list[Point]:
 
 def _tilt(every: int) -> list[Point]:
     """Out-of-plane rotation, near and far; what perspective magnifies needs the whole picture."""
-    angles = _TILTS_DEG[::every]
     near = [
         point
         for distance in (1.0, 2.0, 5.0)
         for kinds, image_px in ((("surf-dark",), PAPER_PX), (("sift-dark",), 301))
         for point in _along(
-            "tilt", "tilt_deg", angles, sides_away(distance), kinds,
+            "tilt", "tilt_deg", _NEAR_TILTS_DEG[::every], sides_away(distance), kinds,
             distance_sides=distance, image_px=image_px if distance < 5 else undistorted(kinds[0]).image_px,
         )
     ]  # fmt: skip
-    return near + _along("tilt", "tilt_deg", angles, sides_away(20.0), distance_sides=20.0)
+    return near + _along("tilt", "tilt_deg", _TILTS_DEG[::every], sides_away(20.0), distance_sides=20.0)
 
 
 def sides_away(distance: float) -> str:
@@ -215,15 +222,15 @@ def _vignetting(every: int) -> list[Point]:
 
 def _map(every: int) -> list[Point]:
     """Sides × tilts from afar, without and with noise: what the operating envelope in metres is read from."""
-    surf_sides = np.unique(np.rint(np.geomspace(9, 215, 20)))[::every]
-    sift_sides = np.rint(np.geomspace(12, 215, 12))[::every]
+    surf_sides = np.rint(np.geomspace(10, 210, 18))[::every]
+    sift_sides = np.rint(np.geomspace(12, 210, 11))[::every]
     return [
-        Point("map", float(side), _map_condition(kind, float(side), float(tilt), noise), detectors,
-              map_series(float(tilt), noise))
+        Point("map", float(side), _map_condition(kind, float(side), tilt, noise), detectors,
+              map_series(tilt, noise))
         for kind, detectors, sides in (("surf-dark", _SURF_DETECTORS, surf_sides), ("sift-dark", ("sift",), sift_sides))
-        for tilt in _MAP_TILTS_DEG[::every]
+        for tilt in MAP_TILTS_DEG[::every]
         for side in sides
-        for noise in (0.0, 10.0)
+        for noise in MAP_NOISES
     ]  # fmt: skip
 
 

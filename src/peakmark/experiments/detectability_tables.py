@@ -1,22 +1,22 @@
-"""What the rows of the detectability run say: the operating envelope, the gains, and the paper's claims."""
+"""What the rows of the detectability run say: the operating envelope, its map, and the range-limited markers' gains."""
 
 from collections.abc import Callable, Sequence
-from itertools import groupby
-from typing import Any
+from itertools import groupby, product
 
 import numpy as np
+from numpy.typing import NDArray
 
+from peakmark.envelope import COLUMNS, REQUIRED
 from peakmark.experiments.detectability_journal import Row
-from peakmark.experiments.trials import TOLERANCE_PX
+from peakmark.experiments.detectability_points import MAP_NOISES, MAP_TILTS_DEG, sides_away
+from peakmark.experiments.detectability_points import map_series as series_of_map
 from peakmark.report import Table
-
-REQUIRED = 0.95
-"""A condition is inside the envelope where the lower bound of the detection rate reaches this."""
 
 PRESETS = {"surf-dark": "surf-paper", "sift-dark": "sift"}
 """The paper's markers and the detectors that stand for its own."""
 
-_FAR = "20 sides away"
+SIZE = {"surf": "side", "sift": "σ"}
+"""What the scale axis measures, by family."""
 
 
 def select(rows: Sequence[Row], experiment: str, marker: str, detector: str, series: str = "") -> list[Row]:
@@ -62,33 +62,59 @@ def reach(curve: Sequence[Row], rising: bool = True) -> float | None:
     return best
 
 
+def runs_text(runs: Sequence[tuple[float, float]]) -> str:
+    """Return runs of x as text, "none" without any."""
+    return ", ".join(f"{a:g}" if a == b else f"{a:g}–{b:g}" for a, b in runs) or "none"
+
+
 def envelope_table(rows: Sequence[Row]) -> Table:
-    """Return the operating envelope of every marker and detector."""
+    """Return the operating envelope of every marker and detector: within it, detection is at least 95 % sure."""
     head = (
-        "marker", "detector", "sides or σ, px", "ditches", "tilt, °", "noise σ", "defocus, px", "motion, px",
-        "JPEG quality", "contrast",
+        "marker", "detector", "side (SURF) or σ (SIFT), px", "ditches at", "tilt up to, °", "noise σ up to",
+        "defocus radius up to, px", "motion up to, px", "JPEG quality down to", "contrast down to", "exposure",
     )  # fmt: skip
-    return Table(head, [_envelope_row(rows, *pair) for pair in pairs(rows)])
+    return Table(head, [_envelope_row(rows, *pair) for pair in pairs(rows) if _is_family(*pair)])
+
+
+def _is_family(marker: str, detector: str) -> bool:
+    """Say whether a detector is not just a guest on the other family's marker."""
+    return (marker[:4] == detector[:4] and detector != "sift-opencv") or detector[:4] not in ("surf", "sift", "vlfe")
 
 
 def _envelope_row(rows: Sequence[Row], marker: str, detector: str) -> list[str | float | None]:
     scale = select(rows, "scale", marker, detector)
     whole = span(scale)
-    gaps = ", ".join(f"{a:g}" if a == b else f"{a:g}–{b:g}" for a, b in ditches(scale))
+    light = span(select(rows, "exposure", marker, detector))
     return [
         marker,
         detector,
         None if whole is None else f"{whole[0]:g}–{whole[1]:g}",
-        gaps or ("none" if whole else None),
-        reach(select(rows, "tilt", marker, detector, _FAR)),
+        runs_text(ditches(scale)) if whole else None,
+        reach(select(rows, "tilt", marker, detector, sides_away(20))),
         *(reach(select(rows, name, marker, detector)) for name in ("noise", "defocus", "motion")),
         reach(select(rows, "jpeg", marker, detector), rising=False),
         reach(select(rows, "contrast", marker, detector, "uniform"), rising=False),
+        None if light is None else f"×{light[0]:g}–×{light[1]:g}",
     ]
 
 
+def envelope_lines(rows: Sequence[Row]) -> list[str]:
+    """Return the lines of envelope.csv, head first: the map's rates for `peakmark.envelope`, where it is complete."""
+    lines = [",".join(COLUMNS)]
+    for (marker, detector), noise in product(pairs(rows), MAP_NOISES):
+        found = {t: select(rows, "map", marker, detector, series_of_map(t, noise)) for t in MAP_TILTS_DEG}
+        sides = {tuple(row["x"] for row in curve) for curve in found.values() if curve}
+        if len(sides) == 1:
+            lines += [
+                f"{marker},{detector},{noise:g},{tilt:g},{row['x']:g},{row['detected']:.4g},{row['detected_low']:.4g}"
+                for tilt, curve in found.items()
+                for row in curve
+            ]
+    return lines
+
+
 def gains_table(rows: Sequence[Row]) -> Table:
-    """Return how much stronger the range-limited markers answer than the energy-limited ones, and the disc."""
+    """Return how much stronger the range-limited markers answer than the energy-limited ones, and what a disc costs."""
     table: list[list[str | float | None]] = []
     for name, grey, binary, detector in (
         ("SURF", "surf-dark", "surf-range-dark", "surf-paper"),
@@ -98,121 +124,33 @@ def gains_table(rows: Sequence[Row]) -> Table:
             ratios = gains(rows, experiment, grey, binary, detector)
             if len(ratios):
                 table.append([name, f"{binary} over {grey}, {experiment}", *np.percentile(ratios, [0, 50, 100])])
-    disc = [peak(rows, "sift-range-dark", "surf-paper"), peak(rows, "surf-range-dark", "surf-paper")]
-    if disc[0] and disc[1]:
-        table.append(["SURF", "plain disc over surf-range-dark, best size", None, disc[0] / disc[1], None])
+    for text, one, other, detector in (
+        ("plain disc over surf-range-dark, each at its best size", "sift-range-dark", "surf-range-dark", "surf-paper"),
+        ("plain disc over surf-dark, each at its best size", "sift-range-dark", "surf-dark", "surf-paper"),
+        ("surf-range-dark over plain disc, each at its best size", "surf-range-dark", "sift-range-dark", "sift"),
+    ):
+        ratio = peak_ratio(rows, one, other, detector)
+        if ratio is not None:
+            table.append([detector[:4].upper(), text, None, ratio, None])
     return Table(("detector", "response of", "least", "median", "most"), table)
 
 
-def gains(
-    rows: Sequence[Row], experiment: str, grey: str, binary: str, detector: str
-) -> "np.ndarray[Any, np.dtype[np.float64]]":
-    """Return the ratios of median responses at the same x, where both markers are detected."""
-    strength = {row["x"]: row["response"] for row in select(rows, experiment, grey, detector) if row["response"]}
+def gains(rows: Sequence[Row], experiment: str, grey: str, binary: str, detector: str) -> NDArray[np.float64]:
+    """Return the ratios of median responses at the same x, where both markers are detected in every trial."""
+    strength = {row["x"]: row["response"] for row in select(rows, experiment, grey, detector) if row["detected"] == 1}
     return np.array(
         [
             row["response"] / strength[row["x"]]
             for row in select(rows, experiment, binary, detector)
-            if row["response"] and row["x"] in strength
+            if row["detected"] == 1 and row["x"] in strength
         ]
     )
 
 
-def peak(rows: Sequence[Row], marker: str, detector: str) -> float | None:
-    """Return the greatest median response over all sizes."""
-    return max((row["response"] for row in select(rows, "scale", marker, detector) if row["response"]), default=None)
-
-
-def claims_table(rows: Sequence[Row]) -> Table:
-    """Return the claims of Sections 3 and 4.1 beside what the rows say, and why they differ where they do."""
-    makers = (
-        _claim_sizes, _claim_ditches, _claim_turn, _claim_surf_tilt, _claim_sift_tilt, _claim_noise, _claim_optimal,
-        _claim_sift_bias,
-    )  # fmt: skip
-    return Table(("claim of the paper", "what we find", "why they differ"), [maker(rows) for maker in makers])
-
-
-def _is_mostly_found(row: Row) -> bool:
-    return bool(row["detected"] >= 0.5)
-
-
-def _claim_sizes(rows: Sequence[Row]) -> list[str]:
-    whole = span(select(rows, "scale", "surf-dark", "surf-paper"), _is_mostly_found)
-    found = "not detected" if whole is None else f"{whole[0]:g} to {whole[1]:g} px in at least half of the views"
-    return ["the SURF marker is detected from 12 to 210 px", found,
-            "one centred image can be lucky at the smallest size; random phases are not"]  # fmt: skip
-
-
-def _claim_ditches(rows: Sequence[Row]) -> list[str]:
-    texts = []
-    for marker, detector in PRESETS.items():
-        runs = ditches(select(rows, "scale", marker, detector), lambda row: row["detected"] >= 0.9)
-        texts.append(f"{marker}: " + (", ".join(f"{a:g}–{b:g}" if a < b else f"{a:g}" for a, b in runs) or "none"))
-    return ["both markers have isolated ditches at mid-scales", "below 90 % at " + "; ".join(texts),
-            "between two scales neither layer is a strict maximum; which phases miss varies"]  # fmt: skip
-
-
-def _claim_turn(rows: Sequence[Row]) -> list[str]:
-    texts = []
-    for marker, detector in PRESETS.items():
-        responses = np.array([r["response"] for r in select(rows, "turn", marker, detector) if r["response"]])
-        if len(responses):
-            texts.append(f"{marker} within ±{100 * np.abs(responses / responses.mean() - 1).max():.1f} %")
-    return ["the response stays high over in-plane rotation, SURF's at 45° too", "; ".join(texts), "it does not differ"]
-
-
-def _first_beyond(rows: Sequence[Row], marker: str, detector: str, distance: str) -> str:
-    """Return the smallest tilt at which the RMS error leaves 3 px."""
-    curve = select(rows, "tilt", marker, detector, f"{distance} sides away")
-    beyond = [row["x"] for row in curve if row["rms_px"] is None or row["rms_px"] > TOLERANCE_PX]
-    return f"{distance} sides away: {f'from {beyond[0]:g}°' if beyond else 'never'}"
-
-
-def _claim_surf_tilt(rows: Sequence[Row]) -> list[str]:
-    found = "; ".join(_first_beyond(rows, "surf-dark", "surf-paper", d) for d in ("1", "2", "5", "20"))
-    return ["SURF's marker leaves the 3 px limit at 25° out-of-plane", found,
-            "the paper states no distance; its limit needs a camera about one side away, where perspective moves "
-            "the blob off the marker's centre"]  # fmt: skip
-
-
-def _claim_sift_tilt(rows: Sequence[Row]) -> list[str]:
-    found = "; ".join(_first_beyond(rows, "sift-dark", "sift", d) for d in ("1", "2", "5", "20"))
-    return ["SIFT's marker leaves the 3 px limit at 35°", found,
-            "the DoG's blob is smaller than SURF's, so perspective moves it less; where it is lost, tilt has made "
-            "its size fall into a ditch between scales"]  # fmt: skip
-
-
-def _claim_noise(rows: Sequence[Row]) -> list[str]:
-    texts = []
-    for marker, detector in PRESETS.items():
-        curve = select(rows, "noise", marker, detector)
-        at = min(curve, key=lambda row: abs(row["x"] - 51), default=None)
-        if at is not None and at["response_ratio"]:
-            texts.append(f"{marker} at σ {at['x']:g}: {100 * at['detected']:.0f} % detected, "
-                         f"response {100 * at['response_ratio']:.0f} % of the clean one")  # fmt: skip
-    return ["noise matters only from σ = 20 % of the grey range", "; ".join(texts),
-            "the response falls because noise is cut at black and white, which lowers the contrast"]  # fmt: skip
-
-
-def _claim_optimal(rows: Sequence[Row]) -> list[str]:
-    texts = []
-    for grey, binary, detector in (
-        ("surf-dark", "surf-range-dark", "surf-paper"),
-        ("sift-dark", "sift-range-dark", "sift"),
-    ):
-        ratios = gains(rows, "turn", grey, binary, detector)
-        if len(ratios):
-            texts.append(f"{binary} answers {np.median(ratios):.2f} times as strongly as {grey}")
-    return ["the markers trigger the maximum response", "; ".join(texts),
-            "they are optimal under an energy limit; print and 8-bit images limit the range"]  # fmt: skip
-
-
-def _claim_sift_bias(rows: Sequence[Row]) -> list[str]:
-    texts = []
-    for detector in ("sift-opencv", "sift", "vlfeat"):
-        curve = [row for row in select(rows, "bias", "sift-dark", detector) if row["bias_x_px"] is not None]
-        if curve:
-            bias = [float(np.median([row[f"bias_{axis}_px"] for row in curve])) for axis in "xy"]
-            texts.append(f"{detector} ({bias[0]:+.3f}, {bias[1]:+.3f}) px")
-    return ["(not in the paper) SIFT's localisation bias", "; ".join(texts),
-            "cv2.SIFT doubles the picture with its corner, not its centre, held fixed"]  # fmt: skip
+def peak_ratio(rows: Sequence[Row], marker: str, other: str, detector: str) -> float | None:
+    """Return one marker's greatest median response over all sizes over another's; None if one is never seen."""
+    best = [
+        max((row["response"] for row in select(rows, "scale", kind, detector) if row["response"]), default=None)
+        for kind in (marker, other)
+    ]
+    return best[0] / best[1] if best[0] and best[1] else None

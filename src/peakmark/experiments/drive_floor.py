@@ -83,11 +83,13 @@ class DriveConfig:
     steering: Steering = field(default_factory=Steering)
 
     def __post_init__(self) -> None:
-        longest_gap = 0.8 * self.length_m
+        longest_gap, end = 0.8 * self.length_m, self.length_m if self.line_ends_m is None else self.line_ends_m
+        second = FIRST_M + self.spacing_m
         for name, value, fits, expected in (
             ("paths", self.paths, 1 <= self.paths <= 10_000, "1…10000"),
             ("length", self.length_m, 1 <= self.length_m <= 100, "1…100 m"),
             ("spacing", self.spacing_m, 0.15 <= self.spacing_m <= longest_gap, f"0.15…{longest_gap:g} m"),
+            ("line-ends", end, second <= end <= self.length_m, f"{second:g}…{self.length_m:g} m"),
             ("seed", self.seed, self.seed >= 0, "0 or more"),
             ("rate", self.frames_per_second, 1 <= self.frames_per_second <= 50, "1…50 frames a second"),
             ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl or exact"),

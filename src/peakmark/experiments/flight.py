@@ -15,7 +15,7 @@ from peaksim.rendering import Renderer, render
 from peaksim.ride import Ride
 from peaksim.ride_file import load_ride, shortened
 from peaksim.scene import Scene
-from peaksim.scene_file import Setup
+from peaksim.scene_file import Setup, load_scene
 from peaksim.sensor import take
 
 from peakmark import identification
@@ -49,6 +49,8 @@ class FlightConfig:
     """How key points become markers."""
     frames: int | None = None
     """Only so many frames from the start; None takes all."""
+    map: str | None = None
+    """Scene file or name whose markers are the map; None takes the scene that is flown through."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (
@@ -73,16 +75,10 @@ class Flight:
     """(n,) of the frames."""
     stretch: Stretch
     """What `config.stretch` comes to."""
-
-    @property
-    def floor_map(self) -> FloorMap | None:
-        """The scene's markers as a map, see `map_of`."""
-        return map_of(self.setup.scene)
-
-    @property
-    def marker_names(self) -> list[str]:
-        """Names of the scene's markers, in the order of `floor_map`."""
-        return [mark.name for quad in self.setup.scene.quads for mark in quad.marks]
+    floor_map: FloorMap | None
+    """Of the markers of the scene that `config.map` names, see `map_of`."""
+    marker_names: list[str]
+    """Names of the markers of the map, in its order."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +104,10 @@ def open_flight(config: FlightConfig) -> Flight:
     setup, ride = load_ride(config.trajectory, config.scene, config.texture, config.seed)
     if config.frames is not None:
         ride = shortened(ride, config.frames)
-    return Flight(config, setup, ride, ride.trajectory.frame_times_s(ride.frames_per_second), stretch_of(config, ride))
+    charted = setup.scene if config.map is None else load_scene(config.map).scene
+    names = [mark.name for quad in charted.quads for mark in quad.marks]
+    times_s = ride.trajectory.frame_times_s(ride.frames_per_second)
+    return Flight(config, setup, ride, times_s, stretch_of(config, ride), map_of(charted), names)
 
 
 def stretch_of(config: FlightConfig, ride: Ride) -> Stretch:

@@ -20,7 +20,9 @@ def render_floor(
     out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/floor"),
     renderer: Annotated[str, Option(help="gl (pyrender), exact (planar scenes, no OpenGL) or auto.")] = "auto",
     seed: Annotated[int, Option(help="Seed of the sensor noise.")] = 0,
-    texture: Annotated[str | None, Option(help="Floor photograph: gravel, brick, grass. [default: gravel]")] = None,
+    texture: Annotated[
+        str | None, Option(help="Floor photograph: gravel, brick, grass; in the hall also coins. [default: gravel]")
+    ] = None,
     stretch: Annotated[
         float | None,
         Option(help="Vertical stretch before detection. [default: the paper's 2; on a ride what its pitch implies]"),
@@ -36,6 +38,9 @@ def render_floor(
         str | None,
         Option(help="Fly through: a ride (stroll, bumpy, sharp or a TOML file), or TUM, EuRoC or KITTI poses."),
     ] = None,
+    map: Annotated[
+        str | None, Option(help="Scene whose markers are the map of --trajectory. [default: the one flown through]")
+    ] = None,
     resume: Annotated[
         bool, Option("--resume", help="Keep the finished frames of an interrupted --trajectory.")
     ] = False,
@@ -49,9 +54,8 @@ def render_floor(
     """
     console = Console(stderr=False, quiet=quiet)
     if trajectory is not None:
-        flight = FlightConfig(
-            trajectory, scene, texture, cast(Renderer, renderer), seed, stretch, cast(Rule, rule or "joint"), frames
-        )
+        drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or "joint")
+        flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map)
         _fly(console, flight, out, resume)
     else:
         still = FloorConfig(

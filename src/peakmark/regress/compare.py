@@ -10,8 +10,8 @@ from peakmark.errors import InputError
 from peakmark.regress.metrics import Floats, Metric, metrics_of, percentile_interval, resample_counts
 from peakmark.regress.record import Record
 
-CONFIDENCE = 0.999
-"""Level of the interval that a change must leave to count: of a dozen metrics none should cry wolf in years."""
+CONFIDENCE = 0.995
+"""Level of the interval that a change must leave to count: one that six frames tell with one voice does."""
 
 Verdict = Literal["better", "same", "worse", "changed", "unknown"]
 

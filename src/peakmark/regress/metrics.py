@@ -138,8 +138,8 @@ def _places(results: Sequence[FrameResult]) -> list[Row]:
 
 def _strengths(results: Sequence[FrameResult]) -> list[Row]:
     """Features, responses, and the drop from markers to clutter; where the finder tells them."""
-    features = np.array([float(result.features) for result in results])
     answered = np.array([float(result.failure is None) for result in results])
+    features = answered * [result.features for result in results]
     responses = _sums(results, lambda m: _log(m.response))
     drops = [_log(result.drop) for result in results]
     known = np.array([float(drop is not None) for drop in drops])

@@ -72,11 +72,21 @@ def from_text(text: str, name: str) -> Record:
         if values["format"] != FORMAT:
             raise InputError(f"{name}: expected a record of version {FORMAT!r}, got {values['format']!r}")
         results = tuple(from_plain(plain) for plain in values["frames"])
-        return Record(**{field: values[field] for field in _HEAD}, results=results)
+        tolerances = {str(key): float(value) for key, value in values["tolerances"].items()}
+        head = {field: values[field] for field in _HEAD if field != "tolerances"}
+        return _checked(Record(**head, tolerances=tolerances, results=results))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{name}: expected the record of a run: {error!r:.80}") from error
+
+
+def _checked(record: Record) -> Record:
+    """Return a record whose reports can be written; frames are scored when they are compared."""
+    if not record.results or not {"name", "stretch", "parameters"} <= record.detector.keys():
+        raise ValueError("expected frames, and a detector with name, stretch and parameters")
+    record.detector["parameters"].items(), record.versions.items(), metrics_of(record.results, record.tolerances)
+    return record
 
 
 def read_record(path: Path) -> Record:
@@ -88,6 +98,7 @@ def read_record(path: Path) -> Record:
         As `from_text`, or if it cannot be read.
     """
     try:
-        return from_text(path.read_text(encoding="utf-8"), str(path))
+        text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    return from_text(text, str(path))

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from peakmark import surf
 from peakmark.errors import InputError
 from peakmark.experiments.views import KINDS, Condition, look, marker_picture, motion_blurred
 
@@ -84,3 +85,32 @@ def test_marker_pictures_are_full_range():
 def test_unknown_conditions_are_refused(changes):
     with pytest.raises(InputError, match=r"expected .* got "):
         Condition(**changes)
+
+
+def test_a_crop_shows_the_same_key_point_as_the_papers_picture():
+    crop, whole = (
+        surf.detect(look(Condition(image_px=px), np.random.default_rng(6)).image, **surf.PAPER)[0] for px in (305, 513)
+    )
+    np.testing.assert_allclose(whole.xy - crop.xy, 104, atol=1e-3)
+    assert whole.response == crop.response
+
+
+def test_light_markers_answer_as_dark_ones_do():
+    dark, light = (
+        surf.detect(look(Condition(kind, 60.0, 129), np.random.default_rng(7)).image, **surf.PAPER)[0]
+        for kind in ("surf-dark", "surf-light")
+    )
+    np.testing.assert_allclose(light.xy, dark.xy, atol=0.02)
+    assert light.response[0] == pytest.approx(dark.response[0], rel=0.01)
+    assert light.laplacian[0] == -dark.laplacian[0]
+
+
+def test_contrast_on_a_photograph_fades_the_marker_alone():
+    views = [
+        look(Condition(side_px=90, image_px=257, contrast=c, background="grass"), np.random.default_rng(8))
+        for c in (1.0, 0.2)
+    ]
+    x, y = np.rint(views[0].center_xy).astype(int)
+    strong, faint = (view.image.astype(float) for view in views)
+    np.testing.assert_array_equal(strong[:30], faint[:30])
+    assert faint[y, x] == pytest.approx(127.5 + 0.2 * (strong[y, x] - 127.5), abs=1.5)

@@ -44,6 +44,7 @@ def test_a_corpus_in_a_bucket_has_the_bytes_of_one_in_a_folder(folder: Path, tmp
         make_corpus(tiny_spec(seed=9), folder, "s3://corpora/a b/tiny")
 
 
+@pytest.mark.slow
 def test_lost_objects_are_made_again(folder: Path, tmp_path: Path, s3: str) -> None:
     import fsspec
 
