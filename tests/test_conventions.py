@@ -13,6 +13,7 @@ from peaksim.rendering import Renderer
 from peaksim.scene_file import load_scene
 
 from peakmark import surf
+from peakmark.arrays_layout import THREE_BIT, polarities_of
 from peakmark.experiments.floor import FloorConfig, look
 
 CAMERA = Camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5)
@@ -124,3 +125,13 @@ def test_11_a_frames_noise_depends_on_the_seed_and_its_index_alone() -> None:
 def test_12_a_dark_marker_has_laplacian_plus_one() -> None:
     for polarity, sign in (("dark", 1), ("light", -1)):
         assert surf.detect(marker_view(60, polarity=polarity))[0].laplacian.tolist() == [sign]  # type: ignore[arg-type]
+
+
+def test_13_light_is_one_and_the_first_marker_counts_most() -> None:
+    assert [polarities_of(code) for code in (0, 1, 4)] == [
+        ("dark", "dark", "dark"), ("dark", "dark", "light"), ("light", "dark", "dark"),
+    ]  # fmt: skip
+    assert THREE_BIT.cells == ((1, 0), (0, 1), (1, 1))
+    laplacian = {p: surf.detect(marker_view(60, polarity=p))[0].laplacian[0] for p in polarities_of(1)}  # type: ignore[arg-type]
+    bits = [int(laplacian[p] < 0) for p in polarities_of(6)]
+    assert 4 * bits[0] + 2 * bits[1] + bits[2] == 6
