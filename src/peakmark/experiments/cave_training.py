@@ -30,7 +30,7 @@ class TrainingConfig:
 
     training_rooms: int = 16
     """Rooms to learn from."""
-    held_out_rooms: int = 12
+    held_out_rooms: int = 8
     """Rooms with other photographs, cameras and noise to judge on."""
     views: int = 3
     """Views a room."""

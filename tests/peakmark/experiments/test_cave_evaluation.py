@@ -129,7 +129,7 @@ def test_records_depend_on_the_seed_alone() -> None:
     assert first == again
 
 
-@pytest.mark.parametrize("change", [{"rooms": 0}, {"views": 0}, {"seed": -1}, {"split": "test"}])
+@pytest.mark.parametrize("change", [{"rooms": 0}, {"views": 0}, {"size": 1.5}, {"seed": -1}, {"split": "test"}])
 def test_faulty_configurations(change: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"--{next(iter(change))}: expected"):
         EvaluationConfig(**change)
