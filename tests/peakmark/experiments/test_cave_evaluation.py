@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from peakmark.errors import InputError
@@ -83,6 +83,7 @@ def test_bins_hold_each_marker_once() -> None:
     assert next(row for row in rows if row["low"] == 20)["recall"]["value"] == 0.5
 
 
+@settings(max_examples=15)
 @given(st.lists(st.floats(0, 1e3), min_size=1, max_size=30))
 def test_quantiles_lie_in_their_intervals_and_in_order(values: list[float]) -> None:
     result = quantiles(values)

@@ -29,8 +29,10 @@ from peakmark.experiments.fiducials_command import rates_figure, table_rows
 @pytest.mark.parametrize("design", DESIGNS)
 def test_every_design_is_found_where_it_is(design: Design) -> None:
     answers = [trial(design, Condition(tilt_deg=20), np.random.default_rng(seed)) for seed in range(3)]
-    assert all(answer.is_right and answer.wrong == 0 for answer in answers)
-    assert max(answer.error_px or 0 for answer in answers) < 1.0
+    assert all(answer.is_right for answer in answers)
+    assert max(answer.error_px or 0 for answer in answers) < 0.5
+    if design != "SURF marker":  # one marker alone carries no id, and a blob on a wall may look like it
+        assert not any(answer.wrong for answer in answers)
 
 
 @pytest.mark.parametrize("design", DESIGNS)
