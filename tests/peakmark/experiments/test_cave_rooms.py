@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from peaksim.camera import Camera
 from peaksim.pose import invert, transform
+from peaksim.shutter import still
 from peaksim.truth import marker_truth
 
 from peakmark.errors import InputError
@@ -68,7 +69,7 @@ def test_a_view_sees_an_array_at_the_asked_distance_and_tilt(seed: int) -> None:
     assert pose is not None
     assert (pose[:3, 3] > room.min_m).all()
     assert (pose[:3, 3] < room.max_m).all()
-    marks = [t for t in marker_truth(room.scene, camera, pose) if t.name.startswith("array")]
+    marks = [t for t in marker_truth(room.scene, still(camera, pose)) if t.name.startswith("array")]
     assert min(abs(t.distance_m - 1.2) for t in marks) < 0.06
     middles = np.array([p.centers_m.mean(axis=0) for p in printed_arrays(room.scene) if p.name in room.arrays])
     aimed = middles[np.abs(np.linalg.norm(middles - pose[:3, 3], axis=1) - 1.2) < 1e-6]
