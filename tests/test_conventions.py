@@ -15,6 +15,7 @@ from peaksim.scene_file import load_scene
 from peaksim.shutter import Shot
 
 from peakmark import surf
+from peakmark.arrays_layout import THREE_BIT, polarities_of
 from peakmark.experiments.floor import FloorConfig, look
 
 CAMERA = Camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5)
@@ -143,3 +144,13 @@ def test_14_the_affinity_maps_sides_right_and_down() -> None:
     turned = FACING @ compose(rotation_about("z", 90), np.zeros(3))  # the camera turns clockwise, the picture back
     for pose, expected in ((FACING, [[10, 0], [0, 10]]), (turned, [[0, 10], [-10, 0]])):
         assert np.allclose(render(Scene((upright,)), CAMERA, pose, renderer="exact").truth[0].affinity, expected)
+
+
+def test_15_light_is_one_and_the_first_marker_counts_most() -> None:
+    assert [polarities_of(code) for code in (0, 1, 4)] == [
+        ("dark", "dark", "dark"), ("dark", "dark", "light"), ("light", "dark", "dark"),
+    ]  # fmt: skip
+    assert THREE_BIT.cells == ((1, 0), (0, 1), (1, 1))
+    laplacian = {p: surf.detect(marker_view(60, polarity=p))[0].laplacian[0] for p in polarities_of(1)}  # type: ignore[arg-type]
+    bits = [int(laplacian[p] < 0) for p in polarities_of(6)]
+    assert 4 * bits[0] + 2 * bits[1] + bits[2] == 6

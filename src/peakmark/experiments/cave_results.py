@@ -124,7 +124,7 @@ def polarity_figure(view: View) -> Any:
     arrays = view.reading.arrays[:_MOST_CUTTINGS]
     pictures = [(_title(a.code), cut_out(marked, *_around(a.detections))) for a in arrays] or [("no array", marked)]
     columns = min(4, len(pictures))
-    figure = Figure(figsize=(8, 8.4 / columns * -(-len(pictures) // columns)), layout="tight")
+    figure = Figure(figsize=(8, 9 / columns * -(-len(pictures) // columns)), layout="constrained")
     for k, (title, picture) in enumerate(pictures):
         ax = figure.add_subplot(-(-len(pictures) // columns), columns, k + 1)
         ax.imshow(picture)
