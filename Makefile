@@ -1,23 +1,39 @@
 # make floor   the main job: environment, then render, detect and score the lab floor into out/floor
 # make test    the default tests          make test-all   the long ones too
-# make check   ruff and mypy
+# make check   ruff and mypy              make regress    the detectors on two suites, beside the accepted figures
+# make bench   our SURF's time and memory against OpenCV's and mahotas's, as ratios, beside benchmarks/baseline.json
+# make parity  our key points against OpenCV's own, where cv2 was built with its SURF
 PYTHON := .venv/bin/python
 READY := .venv/.ready
 
-.PHONY: floor test test-all check clean
+.PHONY: floor test test-all check regress bench parity clean
 
 floor: $(READY)
 	$(PYTHON) scripts/render_floor.py --out out/floor
 
 test: $(READY)
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -n auto --dist loadfile
 
 test-all: $(READY)
-	$(PYTHON) -m pytest -m "slow or not slow"
+	$(PYTHON) -m pytest -n auto --dist loadfile -m "slow or not slow"
+
+regress: $(READY)
+	for suite in floor cave; do \
+	  $(PYTHON) scripts/regress.py run $$suite --quick --quiet --out out/regress/$$suite && \
+	  $(PYTHON) scripts/regress.py compare out/regress/$$suite --baseline tests/baselines/$$suite.json \
+	    --out out/regress/$$suite/compared || exit; \
+	done
 
 check: $(READY)
 	.venv/bin/ruff check .
 	.venv/bin/mypy
+
+bench: $(READY)
+	$(PYTHON) -c 'import mahotas' 2>/dev/null || $(PYTHON) -m pip install --quiet --editable '.[bench]'
+	$(PYTHON) benchmarks/bench_surf.py
+
+parity: $(READY)
+	PYTHONPATH=tests $(PYTHON) benchmarks/parity_surf.py
 
 $(READY): pyproject.toml tools/install.sh
 	bash tools/install.sh

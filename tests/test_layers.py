@@ -12,12 +12,12 @@ SOURCES = sorted([*ROOT.glob("sim/peaksim/**/*.py"), *ROOT.glob("src/peakmark/**
 STAGES = (
     ("errors", "pose", "shipped", "toml_file", "image_file", "keypoints", "integral", "parallel"),
     ("camera", "texture", "scene", "trajectory", "marker", "optimum", "surf", "sift", "detectors"),
-    ("render", "truth", "sensor", "frame", "signature", "refine", "sheet"),
+    ("render", "truth", "flow", "shutter", "sensor", "frame", "signature", "refine", "sheet"),
     ("scene_file", "scene_build", "scene_posters", "scene_schema", "floor_path", "ride"),
-    ("identification", "classification", "arrays", "localise", "stretch", "tracks", "drive"),
+    ("identification", "classification", "arrays", "localise", "stretch", "tracks", "drive", "finder", "finders"),
     ("score", "corpus", "envelope"),
     ("overlay", "film", "plots", "report", "results"),
-    ("experiments",),
+    ("experiments", "corpus_show", "regress"),
     ("cli", "command"),
 )
 

@@ -44,4 +44,7 @@ fi
 if ! command -v pdftoppm >/dev/null; then
   apt_install "poppler, which the tests of printed sheets use" poppler-utils || true
 fi
+if ! command -v chromium >/dev/null && ! command -v chromium-browser >/dev/null; then
+  apt_install "chromium, in which the tests look at reports" chromium || true
+fi
 say "ready"

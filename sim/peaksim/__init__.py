@@ -13,8 +13,10 @@ _HOMES = {
     "Scene": "scene",
     "Texture": "texture",
     "Trajectory": "trajectory",
+    "camera_named": "camera_models",
     "load_scene": "scene_file",
     "load_trajectory": "trajectory_file",
+    "optical_flow": "flow",
     "render": "rendering",
 }
 

@@ -1,10 +1,11 @@
 """Flat faces as a camera sees them: quads and triangles as projective maps of viewing directions.
 
-A face maps a viewing direction d (camera frame) to (p, q, w) = M d. With t the distance along d at which the ray
-meets the plane, w = 1/t, p/w and q/w are coordinates on the face: texels for a quad, barycentric for a triangle.
-All three are linear in d, so face edges, depth order and intersections are straight cuts of a pixel.
+A face maps a viewing direction d (camera frame) to p = m_p·d, q = m_q·d and w = m_w·d. With t the distance along d at
+which the ray meets the plane, w = 1/t, and p/w and q/w are coordinates on the face: texels for a quad, barycentric for
+a triangle. All are linear in d, so that face sides, depth order and intersections are straight cuts of a pixel.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,133 +16,86 @@ from peaksim.texture import Texture
 
 BACK_LEVEL = 128.0
 """Grey level of a quad from behind."""
-
-QUAD, TRIANGLE = 0, 1
+START, STRIDE, PLANE, CONTRAST, EXTENT_P, EXTENT_Q, LEVEL, NORMAL = 0, 1, 2, 3, 4, 5, 6, 9
+"""Columns of `Faces.table`."""
+DEPTH = 4
+"""Row of `Views.sides` that is w."""
 _EDGE_ON = 1e-12
 
 
 class Faces(NamedTuple):
-    """All faces of a scene, seen from n poses (one, or one a row of a rolling shutter)."""
+    """All faces of a scene, world frame: quads first, then triangles in mesh order."""
 
-    maps: NDArray[np.float64]
-    """(n, f, 3, 3) camera direction → (p, q, w); all zero where the camera lies in the plane."""
-    kinds: NDArray[np.int64]
-    """(f,) QUAD or TRIANGLE."""
-    extents: NDArray[np.float64]
-    """(f, 2) a quad's p/w and q/w end here, texels; 1 for triangles."""
-    textures: NDArray[np.int64]
-    """(f,) index into the texture set, −1 for a plain level."""
-    fronts: NDArray[np.bool_]
-    """(n, f) whether the printed face is seen (always, for triangles)."""
-    levels: NDArray[np.float64]
-    """(f, c) plain grey levels."""
-    normals: NDArray[np.float64]
-    """(f, 3) unit normals, world."""
+    planes: NDArray[np.float64]
+    """(f, 3, 3) where p/w = q/w = 0, one unit of p/w, and one unit of q/w; metres."""
+    table: NDArray[np.float64]
+    """(f, 12): START of the texture's table (−1 for none), STRIDE of its rows, PLANE between channels (0 for grey),
+    CONTRAST; EXTENT_P and EXTENT_Q, where p/w and q/w end; three LEVELs of the unprinted face; NORMAL, unit."""
+    texels: NDArray[np.float64]
+    """Summed-area tables of all textures, one after another."""
 
 
-class Textures(NamedTuple):
-    """The distinct textures of a scene in one buffer."""
+class Views(NamedTuple):
+    """All faces as seen from n poses: one, or one a row of a rolling shutter."""
 
-    tables: NDArray[np.float64]
-    """Summed-area tables, one after another."""
-    places: NDArray[np.int64]
-    """(t, 4) offset of the first table, its row length, distance between channels (0 for grey), height + 3."""
-    contrasts: NDArray[np.float64]
-    """(t,) standard deviations in grey levels."""
-
-
-def pack_textures(distinct: tuple[Texture, ...]) -> Textures:
-    """Return textures in one buffer."""
-    tables = [t.tables for t in distinct]
-    offsets = np.cumsum([0, *(t.size for t in tables)])[: len(tables)]
-    places = [
-        (offset, t.shape[2], t[0].size if len(t) == 3 else 0, t.shape[1])
-        for offset, t in zip(offsets, tables, strict=True)
-    ]
-    buffer = tables[0].reshape(-1) if len(tables) == 1 else np.concatenate([np.zeros(0), *(t.ravel() for t in tables)])
-    return Textures(buffer, np.array(places, dtype=np.int64).reshape(-1, 4), np.array([t.contrast for t in distinct]))
+    sides: NDArray[np.float64]
+    """(n, f, 5, 3) vectors m; a direction d meets the face where all five m·d ≥ 0. The first four are its sides (a
+    triangle has three, and w again), of which the first two are p and q; the last is w. All zero where the camera
+    lies in the plane."""
+    printed: NDArray[np.bool_]
+    """(n, f) whether the textured side is seen."""
+    least: NDArray[np.float64]
+    """(f,) w of the farthest corner, along a direction of unit length, from the first pose; metres⁻¹."""
 
 
-def distinct_textures(scene: Scene) -> tuple[tuple[Texture, ...], NDArray[np.int64]]:
-    """Return the textures of a scene, each once, and every quad's index into them."""
-    distinct = tuple({id(q.texture): q.texture for q in scene.quads}.values())
-    index = {id(texture): k for k, texture in enumerate(distinct)}
-    return distinct, np.array([index[id(q.texture)] for q in scene.quads], dtype=np.int64)
-
-
-def see_faces(scene: Scene, textures: NDArray[np.int64], poses: NDArray[np.float64], channels: int) -> Faces:
-    """Return the faces of `scene` from (n, 4, 4) `world_from_camera`; quads first, then triangles in mesh order."""
-    origins, us, vs, extents = _planes(scene)
-    normals = np.cross(us, vs)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    maps, away = _maps(origins, us, vs, normals, poses)
-    n_quads = len(scene.quads)
-    fronts = away > 0  # u × v of a quad points into the page: v runs down
-    fronts[:, n_quads:] = True
-    return Faces(
-        maps=maps,
-        kinds=np.repeat(np.array([QUAD, TRIANGLE]), [n_quads, len(origins) - n_quads]),
-        extents=extents,
-        textures=np.concatenate([textures, np.full(len(origins) - n_quads, -1)]),
-        fronts=fronts,
-        levels=_levels(scene, channels),
-        normals=normals,
-    )
-
-
-def _planes(scene: Scene) -> tuple[NDArray[np.float64], ...]:
-    """Return (f, 3) origin and the two edge vectors of one unit of p/w and q/w, and (f, 2) extents."""
-    rows = [_quad_plane(quad) for quad in scene.quads]
-    quads = np.array([r[:3] for r in rows]).reshape(-1, 3, 3)
-    triangles = np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
+def faces_of(scene: Scene) -> Faces:
+    """Return the faces of a scene."""
+    quads = np.array([_quad_plane(quad) for quad in scene.quads]).reshape(-1, 3, 3)
+    triangles = triangles_m(scene)
     planes = np.concatenate([quads, triangles - triangles[:, :1] * [[0], [1], [1]]])
-    extents = np.concatenate(
-        [np.array([r[3] for r in rows], dtype=np.float64).reshape(-1, 2), np.ones((len(triangles), 2))]
-    )
-    return planes[:, 0], planes[:, 1], planes[:, 2], extents
+    table = np.ones((len(planes), 12))
+    table[:, START : CONTRAST + 1] = (-1, 0, 0, 0)
+    table[:, NORMAL:] = unit_normals(planes[:, 1], planes[:, 2])
+    table[:, LEVEL:NORMAL] = BACK_LEVEL
+    first = len(quads)
+    for mesh in scene.meshes:
+        table[first : first + len(mesh.faces), LEVEL:NORMAL] = mesh_levels(mesh, channels_of(scene))
+        first += len(mesh.faces)
+    textures = tuple({id(q.texture): q.texture for q in scene.quads}.values())
+    texels, places = pack(textures)
+    for row, quad in zip(table, scene.quads, strict=False):
+        row[: CONTRAST + 1] = places[textures.index(quad.texture)]
+        row[EXTENT_P : EXTENT_Q + 1] = quad.texture.size
+    return Faces(np.ascontiguousarray(planes), table, texels)
 
 
-def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], tuple[int, int]]:
+def triangles_m(scene: Scene) -> NDArray[np.float64]:
+    """Return the (m, 3, 3) world corners of all triangles, in mesh order."""
+    return np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
+
+
+def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     top_left, top_right, _, bottom_left = quad.corners_m
     width, height = quad.texture.size
-    return top_left, (top_right - top_left) / width, (bottom_left - top_left) / height, (width, height)
+    return top_left, (top_right - top_left) / width, (bottom_left - top_left) / height
 
 
-def _maps(
-    origins: NDArray[np.float64],
-    us: NDArray[np.float64],
-    vs: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    poses: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (n, f, 3, 3) maps and (n, f) signed distance of the camera behind each plane along its normal."""
-    dual_u, dual_v = _dual(us, vs)
-    maps = np.zeros((len(poses), len(origins), 3, 3))
-    away = np.zeros((len(poses), len(origins)))
-    for k, pose in enumerate(poses):
-        from_eye = origins - pose[:3, 3]
-        away[k] = (from_eye * normals).sum(axis=1)
-        size = np.linalg.norm(from_eye, axis=1)
-        seen = np.abs(away[k]) > _EDGE_ON * np.maximum(size, 1e-300)
-        w = normals[seen] / away[k, seen, None]
-        p = dual_u[seen] - (from_eye[seen] * dual_u[seen]).sum(axis=1, keepdims=True) * w
-        q = dual_v[seen] - (from_eye[seen] * dual_v[seen]).sum(axis=1, keepdims=True) * w
-        maps[k, seen] = np.stack([p, q, w], axis=1) @ pose[:3, :3]
-    return maps, away
+@lru_cache(maxsize=1)
+def pack(textures: tuple[Texture, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the tables of all textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
+    tables = [texture.tables for texture in textures]
+    starts = np.cumsum([0, *(table.size for table in tables)])[: len(tables)]
+    places = [(start, table.shape[2], table[0].size if len(table) == 3 else 0, texture.contrast)
+              for start, table, texture in zip(starts, tables, textures, strict=True)]  # fmt: skip
+    if len(tables) == 1:
+        return tables[0].reshape(-1), np.array(places, dtype=np.float64)
+    return np.concatenate([np.zeros(0), *(table.ravel() for table in tables)]), np.array(places, dtype=np.float64)
 
 
-def _dual(us: NDArray[np.float64], vs: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the in-plane vectors that measure coordinates along u and v."""
-    uu, vv, uv = (us * us).sum(1), (vs * vs).sum(1), (us * vs).sum(1)
-    det = (uu * vv - uv * uv)[:, None]
-    return (vv[:, None] * us - uv[:, None] * vs) / det, (uu[:, None] * vs - uv[:, None] * us) / det
-
-
-def _levels(scene: Scene, channels: int) -> NDArray[np.float64]:
-    """Return (f, channels) plain levels; a mesh's RGB becomes its luma in a grey picture."""
-    quads = np.full((len(scene.quads), channels), BACK_LEVEL)
-    meshes = [np.tile(mesh_levels(mesh, channels), (len(mesh.faces), 1)) for mesh in scene.meshes]
-    return np.concatenate([quads, *meshes])
+def unit_normals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return unit normals u × v, 0 where u and v are parallel."""
+    normals = np.cross(us, vs)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))
 
 
 def mesh_levels(mesh: Mesh, channels: int) -> NDArray[np.float64]:
@@ -154,3 +108,44 @@ def channels_of(scene: Scene) -> int:
     """Return 3 if anything in the scene is coloured, else 1."""
     colored = any(q.texture.channels == 3 for q in scene.quads) or any(len(set(m.color)) > 1 for m in scene.meshes)
     return 3 if colored else 1
+
+
+def look(faces: Faces, poses: NDArray[np.float64]) -> Views:
+    """Return the faces as seen from (n, 4, 4) `world_from_camera`."""
+    dual_u, dual_v = _duals(faces.planes[:, 1], faces.planes[:, 2])
+    normals = faces.table[:, NORMAL:]
+    from_eye = faces.planes[:, 0] - poses[:, None, :3, 3]
+    away = (from_eye * normals).sum(axis=2, keepdims=True)
+    seen = np.abs(away) > _EDGE_ON * np.linalg.norm(from_eye, axis=2, keepdims=True)
+    w = np.where(seen, normals / np.where(seen, away, 1.0), 0.0)
+    p = np.where(seen, dual_u - (from_eye * dual_u).sum(axis=2, keepdims=True) * w, 0.0)
+    q = np.where(seen, dual_v - (from_eye * dual_v).sum(axis=2, keepdims=True) * w, 0.0)
+    extents = faces.table[:, EXTENT_P : EXTENT_Q + 1]
+    is_quad = faces.table[:, START, None] >= 0
+    far_p = np.where(is_quad, extents[:, :1] * w - p, w - p - q)
+    far_q = np.where(is_quad, extents[:, 1:] * w - q, w)
+    rotations = poses[:, None, :3, :3]
+    # u × v of a quad points into the page, for v runs down
+    return Views(
+        sides=np.stack([p, q, far_p, far_q, w], axis=2) @ rotations,
+        printed=(away[:, :, 0] > 0) & is_quad[:, 0],
+        least=1 / np.maximum(_farthest(faces, poses[0, :3, 3]), 1e-300),
+    )
+
+
+def _farthest(faces: Faces, eye: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (f,) distance of each face's farthest corner from a point, metres."""
+    p, q = faces.table[:, EXTENT_P], faces.table[:, EXTENT_Q]
+    is_quad = faces.table[:, START] >= 0
+    corners = [
+        faces.planes[:, 0] + (a * p)[:, None] * faces.planes[:, 1] + (b * q)[:, None] * faces.planes[:, 2]
+        for a, b in ((0, 0), (1, 0), (0, 1), (is_quad, is_quad))
+    ]
+    return np.asarray(np.linalg.norm(np.stack(corners) - eye, axis=2).max(axis=0))
+
+
+def _duals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the in-plane vectors that measure coordinates along u and v."""
+    uu, vv, uv = ((a * b).sum(axis=1, keepdims=True) for a, b in ((us, us), (vs, vs), (us, vs)))
+    det = np.maximum(uu * vv - uv * uv, 1e-300)
+    return (vv * us - uv * vs) / det, (uu * vs - uv * us) / det

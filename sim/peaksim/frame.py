@@ -1,7 +1,7 @@
 """What a renderer returns: the picture, where it was taken from, and what is true of it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +9,23 @@ from numpy.typing import NDArray
 
 from peaksim.camera import Camera
 from peaksim.pose import Pose
+from peaksim.shutter import Shot
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """An ellipse in the picture."""
+
+    center_xy: NDArray[np.float64]
+    """(2,) px; under perspective not the picture of the circle's centre."""
+    semi_axes_px: tuple[float, float]
+    """The longer and the shorter half axis."""
+    angle_deg: float
+    """Direction of the longer one, from x towards y, 0…180."""
+
+
+def _unknown(*shape: int) -> NDArray[np.float64]:
+    return np.full(shape, np.nan)
 
 
 @dataclass(frozen=True)
@@ -30,7 +47,16 @@ class MarkerTruth:
     tilt_deg: float
     """Angle between the marker's normal and the ray to the camera, degrees: 0 is seen squarely, > 90 from behind."""
     visible_fraction: float
-    """Share of the pattern's image area that is inside the image and not occluded, 0…1; 0 from behind."""
+    """Share of the pattern's image area that is inside the image and not occluded, 0…1; 0 from behind. Where the
+    camera moves: at mid-exposure, as all fields above."""
+    affinity: NDArray[np.float64] = field(default_factory=lambda: _unknown(2, 2))
+    """(2, 2) px per side at the centre; columns are the pattern's x (right) and y (down) axes."""
+    ellipse: Ellipse = field(default_factory=lambda: Ellipse(_unknown(2), (np.nan, np.nan), np.nan))
+    """Picture of the circle inscribed in the pattern; nan where part of it is behind the camera."""
+    blur_mean_xy: NDArray[np.float64] = field(default_factory=lambda: _unknown(2))
+    """(2,) mean of `center_xy` over the exposure, px; where the blurred marker's centre of gravity is."""
+    blur_covariance_px2: NDArray[np.float64] = field(default_factory=lambda: _unknown(2, 2))
+    """(2, 2) covariance of `center_xy` over the exposure, px²; 0 where the camera stands still."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +80,9 @@ class Frame:
     gl_renderer: str | None
     """OpenGL's renderer string, None without GL."""
     surfaces: "Callable[[], Surfaces]"
-    """Computes depth and ids on first use."""
+    """Computes depth, ids and normals on first use."""
+    shot: Shot
+    """The one projection of picture and truth: `shot.project(points_m)` gives px of world points."""
 
     @cached_property
     def _surfaces(self) -> "Surfaces":
@@ -70,13 +98,23 @@ class Frame:
         """(H, W) index into `scene.quads` at pixel centres; −1 where no quad is seen."""
         return self._surfaces.quad_ids
 
+    @property
+    def mesh_ids(self) -> NDArray[np.int32]:
+        """(H, W) index into `scene.meshes` at pixel centres; −1 where no mesh is seen."""
+        return self._surfaces.mesh_ids
+
+    @property
+    def normals(self) -> NDArray[np.float32]:
+        """(H, W, 3) unit normals towards the camera at pixel centres, camera frame; 0 where nothing is."""
+        return self._surfaces.normals
+
 
 @dataclass(frozen=True)
 class Surfaces:
     """What is seen at each pixel's centre."""
 
     depth_m: NDArray[np.float32]
-    """(H, W) z in the camera frame, metres; inf where nothing is."""
+    """(H, W) z in the camera frame (of the row's pose), metres; inf where nothing is."""
     quad_ids: NDArray[np.int32]
     """(H, W) index into `scene.quads`, −1 elsewhere."""
     mesh_ids: NDArray[np.int32]

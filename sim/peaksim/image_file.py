@@ -2,7 +2,7 @@
 
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,11 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP")
 """What is read; other formats that Pillow knows are refused, some of them run programs."""
 
 
-def read_image(path: str | Path) -> NDArray[Any]:
+def read_image(source: str | Path | BinaryIO, name: str | None = None) -> NDArray[Any]:
     """Return a picture file as (H, W) or (H, W, 3) RGB uint8, or (H, W) uint16.
 
-    Palettes are resolved, transparency is dropped, only the first of several pictures is read.
+    `source` is a path or an open file; errors call it `name`, by default the path. Palettes are resolved, transparency
+    is dropped, only the first of several pictures is read.
 
     Raises
     ------
@@ -28,10 +29,11 @@ def read_image(path: str | Path) -> NDArray[Any]:
     """
     from PIL import Image, UnidentifiedImageError
 
+    path = name or source
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our own limit is the lower one
-            with Image.open(path, formats=FORMATS) as image:
+            with Image.open(source, formats=FORMATS) as image:
                 width, height = image.size
                 if width * height > MAX_PIXELS:
                     raise ImageError(f"{path}: expected at most {MAX_PIXELS} pixels, got {width}×{height}")

@@ -1,37 +1,32 @@
-"""Rays against faces: a bounding-volume hierarchy of triangles and parallelograms, and its kernels."""
+"""Rays against faces: a tree of boxes around triangles and parallelograms, and its kernels."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from peaksim.faces import QUAD, TRIANGLE
+from peaksim.faces import triangles_m
+from peaksim.kernel import kernel, part
 from peaksim.scene import Scene
 
 _LEAF = 4
-_DEPTH = 64
+STACK = 128
+"""Boxes that wait while a tree is walked: more than any tree of 2⁶⁴ faces needs."""
+_TIE = 1e-9
+
+U, V, QUAD = 3, 6, 9
+"""Columns of `Solids.faces`: first corner at 0, first side, second side, 1 for a parallelogram."""
 
 
 class Solids(NamedTuple):
-    """Faces in a binary tree of axis-aligned boxes, world frame; children of node k lie at links[k], links[k] + 1."""
+    """Faces in a binary tree of axis-aligned boxes, world frame, metres."""
 
-    lows: NDArray[np.float64]
-    """(n, 3) metres."""
-    highs: NDArray[np.float64]
-    """(n, 3) metres."""
+    boxes: NDArray[np.float64]
+    """(n, 6) least and largest coordinates."""
     links: NDArray[np.int64]
-    """(n,) first child, or first face of a leaf."""
-    counts: NDArray[np.int64]
-    """(n,) faces of a leaf, 0 for an inner node."""
-    origins: NDArray[np.float64]
-    """(f, 3) first corner."""
-    us: NDArray[np.float64]
-    """(f, 3) first side."""
-    vs: NDArray[np.float64]
-    """(f, 3) second side."""
-    kinds: NDArray[np.int64]
-    """(f,) QUAD for parallelograms, TRIANGLE."""
+    """(n, 2) first child (the other one follows) and 0, or first face and number of faces of a leaf."""
+    faces: NDArray[np.float64]
+    """(f, 10) first corner, first side, second side, 1 for parallelograms and 0 for triangles."""
     ids: NDArray[np.int64]
     """(f,) number of the face in the scene: quads, then triangles in mesh order."""
 
@@ -39,160 +34,151 @@ class Solids(NamedTuple):
 def solids_of(scene: Scene, *, quads: bool) -> Solids:
     """Return the tree of a scene's meshes, with its quads if asked for."""
     squares = np.array([q.corners_m[[0, 1, 3]] for q in scene.quads]).reshape(-1, 3, 3)
-    triangles = np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
-    corners = np.concatenate([squares, triangles])
+    corners = np.concatenate([squares, triangles_m(scene)])
     ids = np.arange(len(corners))
-    kinds = np.where(ids < len(squares), QUAD, TRIANGLE)
     keep = ids >= (0 if quads else len(squares))
-    return build(corners[keep], kinds[keep], ids[keep])
+    return build(corners[keep], ids[keep] < len(squares), ids[keep])
 
 
-def build(corners: NDArray[np.float64], kinds: NDArray[np.int64], ids: NDArray[np.int64]) -> Solids:
-    """Return the tree of (f, 3, 3) corners, split at the median of the longest side."""
+def build(corners: NDArray[np.float64], is_quad: NDArray[np.bool_], ids: NDArray[np.int64]) -> Solids:
+    """Return the tree of (f, 3, 3) corners (for a parallelogram the last one follows), split at medians."""
     sides = corners[:, 1:] - corners[:, :1]
-    everything = np.concatenate(
-        [corners, corners[:, 1:2] + np.where(kinds == QUAD, 1, 0)[:, None, None] * sides[:, 1:2]], axis=1
-    )
-    lows, highs = everything.min(axis=1, initial=np.inf), everything.max(axis=1, initial=-np.inf)
-    middles = (lows + highs) / 2
-    order = np.arange(len(corners))
-    nodes: list[tuple[NDArray[np.float64], NDArray[np.float64], int, int]] = [_node(lows, highs, order, 0, len(order))]
-    pending = [(0, 0, len(order))]
-    while pending:
-        node, first, last = pending.pop()
+    fourth = corners[:, 1] + is_quad[:, None] * sides[:, 1]
+    every = np.concatenate([corners, fourth[:, None]], axis=1)
+    bounds = np.concatenate([every.min(axis=1), every.max(axis=1)], axis=1)
+    order, boxes, links = _split(bounds)
+    faces = np.concatenate([corners[:, 0], sides[:, 0], sides[:, 1], is_quad[:, None]], axis=1)
+    return Solids(boxes, links, np.ascontiguousarray(faces[order]), ids[order])
+
+
+def _split(bounds: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+    """Return an order of faces, and the boxes and links of a tree over it, from (f, 6) bounds."""
+    order = np.arange(len(bounds))
+    spans = [(0, len(bounds))]
+    links = [(0, len(bounds))]
+    for node, (first, last) in enumerate(spans):  # grows while it runs
         if last - first <= _LEAF:
+            links[node] = (first, last - first)
             continue
-        part = order[first:last]
-        axis = int(np.argmax(np.ptp(middles[part], axis=0)))
-        order[first:last] = part[np.argsort(middles[part, axis], kind="stable")]
+        part_ = order[first:last]
+        middles = bounds[part_, :3] + bounds[part_, 3:]
+        axis = int(np.argmax(np.ptp(middles, axis=0)))
+        order[first:last] = part_[np.argsort(middles[:, axis], kind="stable")]
+        links[node] = (len(spans), 0)
         half = (first + last) // 2
-        nodes[node] = (*nodes[node][:2], len(nodes), 0)
-        for a, b in ((first, half), (half, last)):
-            pending.append((len(nodes), a, b))
-            nodes.append(_node(lows, highs, order, a, b))
-    return Solids(
-        np.array([n[0] for n in nodes]),
-        np.array([n[1] for n in nodes]),
-        np.array([n[2] for n in nodes], dtype=np.int64),
-        np.array([n[3] for n in nodes], dtype=np.int64),
-        np.ascontiguousarray(corners[order, 0]),
-        np.ascontiguousarray(sides[order, 0]),
-        np.ascontiguousarray(sides[order, 1]),
-        kinds[order].astype(np.int64),
-        ids[order].astype(np.int64),
-    )
+        spans += [(first, half), (half, last)]
+        links += [(0, 0), (0, 0)]
+    boxes = np.array([_hull(bounds[order[first:last]]) for first, last in spans])
+    return order, boxes, np.array(links, dtype=np.int64)
 
 
-def _node(
-    lows: NDArray[np.float64], highs: NDArray[np.float64], order: NDArray[np.int64], first: int, last: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int, int]:
-    part = order[first:last]
-    return lows[part].min(axis=0, initial=np.inf), highs[part].max(axis=0, initial=-np.inf), first, last - first
+def _hull(bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.concatenate([bounds[:, :3].min(axis=0, initial=np.inf), bounds[:, 3:].max(axis=0, initial=-np.inf)])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def meets_box(low, high, origin, inverse, farthest):  # type: ignore[no-untyped-def]
-    """Return whether a ray with 1/direction `inverse` meets a box nearer than `farthest`."""
+@part
+def meets_box(boxes, node, origin, ray, radius, farthest):  # type: ignore[no-untyped-def]
+    """Return whether a ray comes within `radius` (along each axis) of a box before `farthest`."""
     near, far = 0.0, farthest
     for k in range(3):
-        a, b = (low[k] - origin[k]) * inverse[k], (high[k] - origin[k]) * inverse[k]
-        near, far = max(near, min(a, b)), min(far, max(a, b))
+        low, high = boxes[node, k] - radius - origin[k], boxes[node, k + 3] + radius - origin[k]
+        if ray[k] != 0.0:
+            a, b = low / ray[k], high / ray[k]
+            near, far = max(near, min(a, b)), min(far, max(a, b))
+        elif low > 0.0 or high < 0.0:
+            return False
     return near <= far * (1.0 + 1e-12)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def hit(solids, face, origin, ray):  # type: ignore[no-untyped-def]
+@part
+def hit(faces, face, origin, ray):  # type: ignore[no-untyped-def]
     """Return the ray parameter at which it meets a face, inf if it does not (Möller and Trumbore 1997)."""
-    u, v = solids.us[face], solids.vs[face]
-    px = ray[1] * v[2] - ray[2] * v[1]
-    py = ray[2] * v[0] - ray[0] * v[2]
-    pz = ray[0] * v[1] - ray[1] * v[0]
-    det = u[0] * px + u[1] * py + u[2] * pz
+    u0, u1, u2 = faces[face, U], faces[face, U + 1], faces[face, U + 2]
+    v0, v1, v2 = faces[face, V], faces[face, V + 1], faces[face, V + 2]
+    px, py, pz = ray[1] * v2 - ray[2] * v1, ray[2] * v0 - ray[0] * v2, ray[0] * v1 - ray[1] * v0
+    det = u0 * px + u1 * py + u2 * pz
     if det == 0.0:
         return np.inf
-    ox, oy, oz = (
-        origin[0] - solids.origins[face, 0],
-        origin[1] - solids.origins[face, 1],
-        origin[2] - solids.origins[face, 2],
-    )
+    ox, oy, oz = origin[0] - faces[face, 0], origin[1] - faces[face, 1], origin[2] - faces[face, 2]
+    qx, qy, qz = oy * u2 - oz * u1, oz * u0 - ox * u2, ox * u1 - oy * u0
     a = (ox * px + oy * py + oz * pz) / det
-    if a < 0.0 or a > 1.0:
-        return np.inf
-    qx, qy, qz = oy * u[2] - oz * u[1], oz * u[0] - ox * u[2], ox * u[1] - oy * u[0]
     b = (ray[0] * qx + ray[1] * qy + ray[2] * qz) / det
-    if b < 0.0 or b > 1.0 or (solids.kinds[face] != QUAD and a + b > 1.0):
+    if a < 0.0 or a > 1.0 or b < 0.0 or b > 1.0 or (faces[face, QUAD] == 0.0 and a + b > 1.0):
         return np.inf
-    return (v[0] * qx + v[1] * qy + v[2] * qz) / det
+    return (v0 * qx + v1 * qy + v2 * qz) / det
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def blocked(solids, origin, ray, nearest, farthest):  # type: ignore[no-untyped-def]
-    """Return whether any face meets origin + t·ray with nearest < t < farthest."""
-    if solids.ids.size == 0:
-        return False
-    stack = np.empty(_DEPTH, np.int64)
-    inverse = np.empty(3)
-    for k in range(3):
-        inverse[k] = 1.0 / ray[k] if ray[k] != 0.0 else 1e300
+@part
+def nearest_face(boxes, links, faces, ids, origin, ray, stack):  # type: ignore[no-untyped-def]
+    """Return (scene face, t) of what a ray sees first, (−1, inf) for nothing; of faces in one plane the later one."""
+    best, best_t = -1, np.inf
     stack[0] = 0
-    top = 1
+    top = min(1, ids.size)
     while top > 0:
         top -= 1
         node = stack[top]
-        if not meets_box(solids.lows[node], solids.highs[node], origin, inverse, farthest):
+        if not meets_box(boxes, node, origin, ray, 0.0, best_t * (1.0 + 2 * _TIE)):
             continue
-        first = solids.links[node]
-        if solids.counts[node] == 0:
+        first = links[node, 0]
+        if links[node, 1] == 0:
             stack[top], stack[top + 1] = first, first + 1
             top += 2
+        for face in range(first, first + links[node, 1]):
+            t = hit(faces, face, origin, ray)
+            tie = abs(t - best_t) <= _TIE * best_t
+            if 0.0 < t < np.inf and ((tie and ids[face] > best) or (not tie and t < best_t)):
+                best, best_t = ids[face], t
+    return best, best_t
+
+
+@part
+def meets_any(boxes, links, faces, origin, ray, radius, farthest, stack):  # type: ignore[no-untyped-def]
+    """Return whether a ray meets a face before `farthest`, or for a radius > 0 whether one may come that near."""
+    stack[0] = 0
+    top = min(1, faces.shape[0])
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        if not meets_box(boxes, node, origin, ray, radius, farthest):
             continue
-        for face in range(first, first + solids.counts[node]):
-            t = hit(solids, face, origin, ray)
-            if nearest < t < farthest:
+        first = links[node, 0]
+        if links[node, 1] == 0:
+            stack[top], stack[top + 1] = first, first + 1
+            top += 2
+        elif radius > 0.0:
+            return True
+        for face in range(first, first + links[node, 1]):
+            if 0.0 < hit(faces, face, origin, ray) < farthest:
                 return True
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def nearest_face(solids, origin, ray):  # type: ignore[no-untyped-def]
-    """Return (scene face, t) of what a ray sees first, (−1, inf) for nothing; of faces in one plane the later one."""
-    best, best_t = -1, np.inf
-    if solids.ids.size == 0:
-        return best, best_t
-    stack = np.empty(_DEPTH, np.int64)
-    inverse = np.empty(3)
-    for k in range(3):
-        inverse[k] = 1.0 / ray[k] if ray[k] != 0.0 else 1e300
-    stack[0] = 0
-    top = 1
-    while top > 0:
-        top -= 1
-        node = stack[top]
-        if not meets_box(solids.lows[node], solids.highs[node], origin, inverse, best_t * (1.0 + 1e-8)):
-            continue
-        first = solids.links[node]
-        if solids.counts[node] == 0:
-            stack[top], stack[top + 1] = first, first + 1
-            top += 2
-            continue
-        for face in range(first, first + solids.counts[node]):
-            t = hit(solids, face, origin, ray)
-            tie = abs(t - best_t) <= 1e-9 * t
-            if 0.0 < t < np.inf and ((tie and solids.ids[face] > best) or (not tie and t < best_t)):
-                best, best_t = solids.ids[face], t
-    return best, best_t
+@kernel
+def nearest_faces(boxes, links, faces, ids, origins, rays, found, parameters):  # type: ignore[no-untyped-def]
+    """Write the first scene face of each of (n, 3) rays, −1 for none, and the ray parameters, inf for none.
+
+    `origins` is (1, 3), or (n, 3) for rays from different places.
+    """
+    stack = np.empty(STACK, np.int64)
+    for i in range(rays.shape[0]):
+        origin = origins[i if origins.shape[0] > 1 else 0]
+        found[i], parameters[i] = nearest_face(boxes, links, faces, ids, origin, rays[i], stack)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def nearest_faces(solids, origin, rays):  # type: ignore[no-untyped-def]
-    """Return the first scene face of each of (n, 3) rays from one origin, −1 for none, and the ray parameters."""
-    faces = np.empty(len(rays), np.int64)
-    parameters = np.empty(len(rays))
-    for i in range(len(rays)):
-        faces[i], parameters[i] = nearest_face(solids, origin, rays[i])
-    return faces, parameters
+def first_faces(
+    solids: Solids, origins: NDArray[np.float64], rays: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the first scene face of each of (n, 3) rays, −1 for none, and the ray parameter there, inf for none.
 
-
-def first_faces(solids: Solids, origin: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the first scene face that each of (n, 3) rays meets, −1 for none."""
-    return np.asarray(nearest_faces(solids, origin, np.ascontiguousarray(rays))[0])
+    Parameters
+    ----------
+    solids
+        What the rays meet.
+    origins
+        (3,) of all rays or (n, 3), world.
+    rays
+        (n, 3) directions, world; a ray with nan meets nothing.
+    """
+    found, parameters = np.empty(len(rays), np.int64), np.empty(len(rays))
+    nearest_faces(*solids, np.atleast_2d(origins), np.ascontiguousarray(rays), found, parameters)
+    return found, parameters

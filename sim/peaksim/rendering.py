@@ -1,4 +1,4 @@
-"""render: one call, two renderers; pictures and truth come from the same camera and pose."""
+"""render: one call, two renderers; pictures and truth come from the same shot."""
 
 import sys
 from functools import cache
@@ -10,18 +10,25 @@ from numpy.typing import ArrayLike, NDArray
 from peaksim.camera import Camera
 from peaksim.errors import SceneError
 from peaksim.frame import Frame
-from peaksim.pose import Pose, rigid
+from peaksim.pose import rigid
 from peaksim.scene import Scene
 from peaksim.sensor import quantise
-from peaksim.truth import marker_truth, surfaces
+from peaksim.shutter import Shot, still
+from peaksim.trajectory import Trajectory
+from peaksim.truth import marker_truth
+from peaksim.truth_surfaces import surfaces, surfaces_at
 
 Renderer = Literal["auto", "exact", "gl"]
+
+MOST_MOMENTS = 256
+"""Most pictures that a motion blur is made of."""
+_MOMENTS_PER_PX = 1.5
 
 
 def render(
     scene: Scene,
     camera: Camera,
-    world_from_camera: ArrayLike,
+    world_from_camera: ArrayLike | Trajectory,
     renderer: Renderer = "auto",
     time_s: float = 0.0,
 ) -> Frame:
@@ -32,46 +39,80 @@ def render(
     scene, camera
         What is seen, and by what.
     world_from_camera
-        (4, 4) pose.
+        (4, 4) pose; or a trajectory, along which the camera moves while its rows are exposed one after another
+        (`row_time_s`) and each over some time (`exposure_s`).
     renderer
-        "exact" draws without GL, "gl" with pyrender, "auto" with GL where a context opens.
+        "exact" draws without GL, "gl" with pyrender, "auto" with GL where a context opens and can draw this.
     time_s
-        Kept in the frame.
+        Mid-exposure of the middle row on the trajectory; kept in the frame.
 
     Raises
     ------
     SceneError
-        If the pose is not rigid, or the renderer is unknown.
+        If the pose is not rigid, the time is not finite, or the renderer is unknown or cannot draw this.
+    RendererError
+        If OpenGL fails.
     """
-    pose = rigid(world_from_camera, "world_from_camera")
+    shot = _shot(camera, world_from_camera, time_s)
     if renderer not in ("auto", "exact", "gl"):
         raise SceneError(f'renderer: expected "auto", "exact" or "gl", got {renderer!r}')
-    chosen = choose(scene, camera, renderer)
-    linear, gl_renderer = draw(scene, camera, pose, chosen)
+    chosen = choose(scene, shot, renderer)
+    linear, gl_renderer = draw(scene, shot, chosen)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
         image=quantise(linear),
         linear=linear,
         camera=camera,
-        world_from_camera=np.array(pose),
+        world_from_camera=shot.pose,
         time_s=time_s,
-        truth=marker_truth(scene, camera, pose),
+        truth=marker_truth(scene, shot),
         renderer=chosen,
         gl_renderer=gl_renderer,
-        surfaces=lambda: surfaces(scene, camera, pose),
+        surfaces=lambda: surfaces(scene, shot),
+        shot=shot,
     )
 
 
-def choose(scene: Scene, camera: Camera, renderer: Renderer) -> Literal["exact", "gl"]:
-    """Return the renderer to use; "auto" takes GL where a context opens."""
-    if renderer != "auto":
-        return renderer
+def _shot(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> Shot:
+    if not np.isfinite(time_s):
+        raise SceneError(f"time_s: expected a finite time, got {time_s}")
+    if isinstance(world_from_camera, Trajectory):
+        return Shot(camera, world_from_camera, time_s)
+    return still(camera, rigid(world_from_camera, "world_from_camera"))
+
+
+def choose(scene: Scene, shot: Shot, renderer: Renderer) -> Literal["exact", "gl"]:
+    """Return the renderer to use; "auto" takes GL where a context opens and can draw this.
+
+    Raises
+    ------
+    SceneError
+        If "gl" is asked for what only "exact" draws: lights, a distorting lens, a rolling shutter.
+    """
+    if renderer == "exact":
+        return "exact"
+    beyond_gl = _beyond_gl(scene, shot)
+    if renderer == "gl":
+        if beyond_gl:
+            raise SceneError(f'renderer: expected "exact" or "auto" for {beyond_gl}, got "gl"')
+        return "gl"
     from peaksim import render_gl
 
+    if beyond_gl:
+        return "exact"
     if render_gl.is_available():
         return "gl"
     _say_once("no OpenGL context opens here: going on with the exact renderer, which needs none")
     return "exact"
+
+
+def _beyond_gl(scene: Scene, shot: Shot) -> str:
+    """Return what OpenGL's renderer cannot draw, empty for nothing."""
+    if scene.lights:
+        return "lights"
+    if not shot.camera.is_pinhole:
+        return "lens distortion"
+    return "a rolling shutter" if shot.is_rolling else ""
 
 
 @cache
@@ -80,13 +121,41 @@ def _say_once(message: str) -> None:
 
 
 def draw(
-    scene: Scene, camera: Camera, pose: Pose, renderer: Literal["exact", "gl"]
+    scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]
 ) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
+    moments = shot.moments(count_moments(scene, shot)) if shot.is_blurred else (shot,)
+    pictures = (_draw_sharp(scene, moment, renderer) for moment in moments)
+    linear = next(pictures) / np.float32(len(moments)) if len(moments) > 1 else next(pictures)
+    for picture in pictures:
+        linear += picture / np.float32(len(moments))
     if renderer == "exact":
-        from peaksim.render_exact import integrate
-
-        return integrate(scene, camera, pose[None]), None
+        return linear, None
     from peaksim import render_gl
 
-    return render_gl.integrate(scene, camera, pose), render_gl.gl_renderer()
+    return linear, render_gl.gl_renderer()
+
+
+def _draw_sharp(scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]) -> NDArray[np.float32]:
+    if renderer == "exact":
+        from peaksim.area_integral import integrate
+
+        return integrate(scene, shot.camera, shot.row_poses(np.arange(shot.camera.height)))
+    from peaksim import render_gl
+
+    return render_gl.integrate(scene, shot.camera, shot.pose)
+
+
+def count_moments(scene: Scene, shot: Shot) -> int:
+    """Return how many pictures a motion blur is made of: three for every two pixels that what is seen moves."""
+    camera = shot.camera
+    x, y = np.meshgrid(np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 7))
+    xy = np.stack([x, y], axis=2)
+    poses, rays, world_rays = shot.rays(xy)
+    depth = surfaces_at(scene, shot, xy).depth_m.ravel().astype(np.float64)
+    reach = np.where(np.isfinite(depth), depth, 1e3) / np.maximum(rays[:, 2], 1e-3)
+    points = poses[:, :3, 3] + reach[:, None] * world_rays
+    way = np.stack([moment.project(points) for moment in shot.moments(4)])
+    steps = np.linalg.norm(np.diff(way, axis=0), axis=2)
+    motion_px = 4 * np.nanmax(steps, initial=0) if np.isfinite(steps).any() else 0.0
+    return int(np.clip(np.ceil(_MOMENTS_PER_PX * motion_px), 2, MOST_MOMENTS))

@@ -71,6 +71,7 @@ class RideTable(Table):
 
     scene: str
     frames_per_second: Positive = 10.0
+    exposure_s: NotNegative = 0.0
     camera: CameraTable | None = None
     sensor: dict[str, Any] | None = None
     drive: DriveTable
@@ -144,6 +145,7 @@ def _ride(table: RideTable, setup: Setup, layout: SceneTable, seed: int) -> Ride
     )
     lens = setup.camera if table.camera is None else camera(table.camera)
     sensor = setup.sensor if table.sensor is None else build_sensor(table.sensor)
+    lens = replace(lens, exposure_s=table.exposure_s or lens.exposure_s)
     return Ride(trajectory, table.frames_per_second, lens, sensor, Light(**table.light.model_dump()), mount)
 
 

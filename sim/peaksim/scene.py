@@ -126,6 +126,14 @@ class Light:
     casts_shadows: bool = True
     """Whether meshes throw shadows in this light."""
 
+    def __post_init__(self) -> None:
+        if self.kind not in ("ambient", "directional", "point"):
+            raise SceneError(f'light: kind: expected "ambient", "directional" or "point", got {self.kind!r}')
+        if not (np.isfinite(self.direction).all() and np.any(self.direction)):
+            raise SceneError(f"light: direction: expected a finite direction other than 0, got {self.direction}")
+        if not (np.isfinite(self.position_m).all() and 0 <= self.intensity < np.inf and 0 < self.reference_m < np.inf):
+            raise SceneError(f"light: expected a finite position, intensity ≥ 0 and reference_m > 0, got {self}")
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:

@@ -1,6 +1,7 @@
 """The tables of a scene file → quads, meshes, lights, camera; each error starts with the field."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from peaksim import scene_schema as schema
 from peaksim import shipped
-from peaksim.camera import Camera
+from peaksim.camera import Camera, from_sensor
+from peaksim.camera_models import camera_named
 from peaksim.errors import InputError, SceneError
 from peaksim.floor_path import FloorPath
 from peaksim.image_file import read_image
@@ -247,15 +249,27 @@ def lights(tables: tuple[schema.LightTable, ...]) -> tuple[Light, ...]:
 
 def camera(table: schema.CameraTable) -> Camera:
     """Return the camera; focal length and principal point default to square pixels and the image centre."""
-    return Camera(
-        width=table.width,
-        height=table.height,
-        fx=table.fx,
-        fy=table.fx if table.fy is None else table.fy,
-        cx=(table.width - 1) / 2 if table.cx is None else table.cx,
-        cy=(table.height - 1) / 2 if table.cy is None else table.cy,
+    base = _base_camera(table)
+    own = {name: getattr(table, name) for name in ("fy", "cx", "cy") if getattr(table, name) is not None}
+    return replace(
+        base,
+        **own,
         distortion=table.distortion,
+        model=table.model,
+        row_time_s=table.row_time_s,
+        exposure_s=table.exposure_s,
     )
+
+
+def _base_camera(table: schema.CameraTable) -> Camera:
+    """Return the pinhole with square pixels and centred principal point that a table describes."""
+    if table.name is not None:
+        return camera_named(table.name, table.focal_mm)
+    width, height = table.width or 1, table.height or 1
+    if table.focal_mm is not None and table.sensor_width_mm is not None:
+        return from_sensor(width, height, table.focal_mm, table.sensor_width_mm)
+    focal = table.fx or 1.0
+    return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
 
 
 def trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:

@@ -22,15 +22,32 @@ class Table(BaseModel):
 
 
 class CameraTable(Table):
-    """`[camera]`."""
+    """`[camera]`: in pixels, in millimetres of lens and sensor, or a camera by name."""
 
-    width: Annotated[int, Field(ge=1, le=20_000)]
-    height: Annotated[int, Field(ge=1, le=20_000)]
-    fx: Positive
+    name: str | None = None
+    width: Annotated[int, Field(ge=1, le=20_000)] | None = None
+    height: Annotated[int, Field(ge=1, le=20_000)] | None = None
+    fx: Positive | None = None
     fy: Positive | None = None
+    focal_mm: Positive | None = None
+    sensor_width_mm: Positive | None = None
     cx: Number | None = None
     cy: Number | None = None
     distortion: tuple[Number, ...] = ()
+    model: Literal["brown", "fisheye"] = "brown"
+    row_time_s: NotNegative = 0.0
+    exposure_s: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _one_description(self) -> "CameraTable":
+        given = {name for name in ("width", "height", "fx", "fy", "focal_mm", "sensor_width_mm")
+                 if getattr(self, name) is not None}  # fmt: skip
+        if self.name is not None:
+            if given - {"focal_mm"}:
+                raise ValueError(f"expected only focal_mm beside name, got {', '.join(sorted(given - {'focal_mm'}))}")
+        elif given - {"fy"} not in ({"width", "height", "fx"}, {"width", "height", "focal_mm", "sensor_width_mm"}):
+            raise ValueError("expected width and height with either fx, or focal_mm and sensor_width_mm; or name")
+        return self
 
 
 class WaypointTable(Table):

@@ -52,14 +52,20 @@ class Trajectory:
 
     def at(self, time_s: float) -> Pose:
         """Return `world_from_camera` at a time; before the start and after the end the camera stands still."""
-        time = float(np.clip(time_s, self.times_s[0], self.times_s[-1]))
+        return np.asarray(self.poses_at([time_s])[0])
+
+    def poses_at(self, times_s: ArrayLike) -> NDArray[np.float64]:
+        """Return the (n, 4, 4) `world_from_camera` at (n,) times, as `at` does."""
+        times = np.clip(np.asarray(times_s, dtype=np.float64), self.times_s[0], self.times_s[-1])
         if len(self) == 1:
-            return np.array(self.world_from_camera[0])
+            return np.repeat(self.world_from_camera, len(times), axis=0)
         if len(self) == 2:
-            fraction = (time - self.times_s[0]) / self.duration_s
-            return interpolate(self.world_from_camera[0], self.world_from_camera[1], fraction)
+            fractions = (times - self.times_s[0]) / self.duration_s
+            return np.stack([interpolate(self.world_from_camera[0], self.world_from_camera[1], f) for f in fractions])
         position, rotation = self._splines
-        return compose(rotation(time).as_matrix(), position(time))
+        poses = np.tile(np.eye(4), (len(times), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = rotation(times).as_matrix(), position(times)
+        return poses
 
     def frame_times_s(self, frames_per_second: float) -> NDArray[np.float64]:
         """Return the times of all frames from the start to the end, both included where they fall on a frame."""

@@ -50,7 +50,12 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 def save_trajectory(trajectory: Trajectory, path: str | Path, format: Format = "tum") -> None:
     """Write a trajectory; numbers are written in full, so that reading gives the poses back to 10⁻¹²."""
-    Path(path).write_text(_writers[format](trajectory), encoding="ascii")
+    Path(path).write_text(to_text(trajectory, format), encoding="ascii")
+
+
+def to_text(trajectory: Trajectory, format: Format = "tum") -> str:
+    """Return what `save_trajectory` writes."""
+    return _writers[format](trajectory)
 
 
 def _read(file: Path) -> str:

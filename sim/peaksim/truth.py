@@ -1,4 +1,4 @@
-"""Where everything truly is in a picture, from the camera's own projection and exact ray casting."""
+"""Where every marker truly is in a picture, from the shot's own projection and exact ray casting."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -7,27 +7,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.camera import Camera
-from peaksim.frame import MarkerTruth, Surfaces
-from peaksim.pose import Pose, invert, transform
+from peaksim.frame import MarkerTruth
+from peaksim.pose import invert, transform
 from peaksim.scene import Quad, Scene, rectangle_m
+from peaksim.shutter import Shot
+from peaksim.truth_shape import affinities, ellipses
 
 if TYPE_CHECKING:
     from peaksim.rays import Solids
 
 _SAMPLES = 48
 """Points along each side of a marker at which its visibility is asked: 2304 in all, an error of about 0.004."""
+_MOMENTS = 32
+"""Moments of the exposure at which a centre is asked for."""
 
 
-def marker_truth(scene: Scene, camera: Camera, world_from_camera: Pose) -> tuple[MarkerTruth, ...]:
+def marker_truth(scene: Scene, shot: Shot) -> tuple[MarkerTruth, ...]:
     """Return one record a marker, in the scene's order."""
     from peaksim.rays import solids_of
 
     solids, faces = solids_of(scene, quads=True), face_corners_m(scene)
+    moments = shot.moments(_MOMENTS if shot.is_blurred else 1)
     return tuple(
         truth
         for number, quad in enumerate(scene.quads)
         if quad.marks
-        for truth in _truths_on(camera, world_from_camera, solids, faces, number, quad)
+        for truth in _truths_on(shot, moments, solids, faces, number, quad)
     )
 
 
@@ -39,27 +44,20 @@ def face_corners_m(scene: Scene) -> NDArray[np.float64]:
 
 
 def _truths_on(
-    camera: Camera, pose: Pose, solids: "Solids", faces: NDArray[np.float64], number: int, quad: Quad
+    shot: Shot, moments: tuple[Shot, ...], solids: "Solids", faces: NDArray[np.float64], number: int, quad: Quad
 ) -> Iterator[MarkerTruth]:
     """Yield the truth of one quad's marks."""
-    eye = pose[:3, 3]
     corners = np.array([rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m)) for mark in quad.marks])
     centers = corners.mean(axis=1)
-    in_camera = transform(invert(pose), corners)
-    corners_xy = camera.project(in_camera.reshape(-1, 3)).reshape(-1, 4, 2)
-    centers_xy = camera.project(transform(invert(pose), centers))
-    distances = np.linalg.norm(eye - centers, axis=1)
-    cosines = (eye - centers) @ quad.world_from_quad[:3, 2] / distances
+    centers_xy, corners_xy = shot.project(centers), shot.project(corners.reshape(-1, 3)).reshape(-1, 4, 2)
+    eyes = shot.row_poses(np.nan_to_num(centers_xy[:, 1]))[:, :3, 3]
+    distances = np.linalg.norm(eyes - centers, axis=1)
+    cosines = ((eyes - centers) * quad.world_from_quad[:3, 2]).sum(axis=1) / np.maximum(distances, 1e-300)
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    hiding = np.delete(faces, number, axis=0)
-    hiding = hiding[may_hide(eye, quad.corners_m, hiding)]
+    shares = _visible_fractions(shot, solids, faces, number, quad, corners, corners_xy, cosines > 0)
+    shapes = affinities(shot, corners), ellipses(shot, corners)
+    means, covariances = blur(moments, centers)
     for k, mark in enumerate(quad.marks):
-        if cosines[k] <= 0 or _is_outside(camera, in_camera[k], corners_xy[k]):
-            share = 0.0
-        elif _is_inside(camera, corners_xy[k]) and not may_hide(eye, corners[k], hiding).any():
-            share = 1.0
-        else:
-            share = visible_fraction(camera, pose, solids, number, corners[k])
         yield MarkerTruth(
             name=mark.name,
             kind=mark.kind,
@@ -68,31 +66,87 @@ def _truths_on(
             side_px=float(np.sqrt(abs(polygon_area(corners_xy[k])))),
             distance_m=float(distances[k]),
             tilt_deg=float(tilts_deg[k]),
-            visible_fraction=share,
+            visible_fraction=float(shares[k]),
+            affinity=shapes[0][k],
+            ellipse=shapes[1][k],
+            blur_mean_xy=means[k],
+            blur_covariance_px2=covariances[k],
         )
 
 
-def _is_outside(camera: Camera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
-    """Return whether a rectangle is certainly not in the picture."""
-    if camera.model == "brown" and bool((in_camera[:, 2] <= 0).all()):
+def blur(
+    moments: tuple[Shot, ...], points_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the (n, 2) mean and (n, 2, 2) covariance of the projections of (n, 3) points over some moments."""
+    ways = np.stack([moment.project(points_m) for moment in moments])
+    away = ways - ways.mean(axis=0)
+    return ways.mean(axis=0), np.einsum("tni,tnj->nij", away, away) / len(ways)
+
+
+# --- what is hidden -------------------------------------------------------------------------------------------
+
+
+def _visible_fractions(
+    shot: Shot,
+    solids: "Solids",
+    faces: NDArray[np.float64],
+    number: int,
+    quad: Quad,
+    corners: NDArray[np.float64],
+    corners_xy: NDArray[np.float64],
+    facing: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Return the visible shares of (n, 4, 3) rectangles on a quad: without rays where that is certain."""
+    in_camera = transform(invert(shot.pose), corners)
+    seen = np.array([_may_be_seen(shot, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
+    hiding = np.delete(faces, number, axis=0)[: None if seen.any() else 0]
+    if not shot.is_rolling:
+        hiding = hiding[may_hide(shot.pose[:3, 3], quad.corners_m, hiding)]
+    shares = np.zeros(len(corners))
+    for k in np.flatnonzero(seen):
+        certain = _is_inside(shot, corners_xy[k]) and not _is_hidden(shot, corners[k], corners_xy[k], hiding)
+        shares[k] = 1.0 if certain else visible_fraction(shot, solids, number, corners[k])
+    return shares
+
+
+def _is_hidden(
+    shot: Shot, corners: NDArray[np.float64], corners_xy: NDArray[np.float64], faces: NDArray[np.float64]
+) -> bool:
+    """Return whether a face may lie between a rectangle and the camera while its first or its last row is read."""
+    eyes = shot.row_poses([corners_xy[:, 1].min(), corners_xy[:, 1].max()])[:, :3, 3]
+    return any(may_hide(eye, corners, faces).any() for eye in eyes)
+
+
+def _may_be_seen(shot: Shot, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
+    """Return whether a rectangle may be in the picture; False is certain."""
+    camera = shot.camera
+    if shot.is_rolling:
         return True
-    low, high, end = *_bounds(camera, corners_xy), np.array([camera.width, camera.height]) - 0.5
-    return bool(np.any(high <= -0.5) or np.any(low >= end))
+    if camera.model == "brown" and bool((in_camera[:, 2] <= 0).all()):
+        return False
+    low, high = _bounds(camera, corners_xy, bends=not camera.is_pinhole)
+    end = np.array([camera.width, camera.height]) - 0.5
+    return not bool(np.any(high <= -0.5) or np.any(low >= end))
 
 
-def _is_inside(camera: Camera, corners_xy: NDArray[np.float64]) -> bool:
+def _is_inside(shot: Shot, corners_xy: NDArray[np.float64]) -> bool:
     """Return whether a rectangle is certainly wholly in the picture."""
-    low, high, end = *_bounds(camera, corners_xy), np.array([camera.width, camera.height]) - 0.5
+    camera = shot.camera
+    low, high = _bounds(camera, corners_xy, bends=shot.is_rolling or not camera.is_pinhole)
+    end = np.array([camera.width, camera.height]) - 0.5
     return bool(np.all(low >= -0.5) and np.all(high <= end))
 
 
-def _bounds(camera: Camera, corners_xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounds(
+    camera: Camera, corners_xy: NDArray[np.float64], bends: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the upper left and lower right of a box around a rectangle's picture; nan where that is not certain.
 
-    A lens bends the sides of a rectangle that is small in the picture by far less than a quarter of its diameter.
+    A lens or a rolling shutter bends the sides of a rectangle that is small in the picture by far less than a quarter
+    of its diameter.
     """
     low, high = corners_xy.min(axis=0), corners_xy.max(axis=0)
-    if camera.is_pinhole:
+    if not bends:
         return low, high
     diameter = float(np.hypot(*(high - low)))
     slack = 0.25 * diameter if diameter < min(camera.width, camera.height) / 2 else np.nan
@@ -136,9 +190,7 @@ def polygon_area(corners_xy: NDArray[np.float64]) -> float:
     return float((x * next_y - next_x * y).sum() / 2)
 
 
-def visible_fraction(
-    camera: Camera, pose: Pose, solids: "Solids", number: int, corners: NDArray[np.float64]
-) -> float:
+def visible_fraction(shot: Shot, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
     """Return the share of a rectangle's image area that is inside the picture and in front of all else.
 
     The rectangle is sampled evenly; each sample counts by the image area that it stands for.
@@ -148,52 +200,19 @@ def visible_fraction(
     steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
     u, v = (grid.ravel() for grid in np.meshgrid(steps, steps))
     points = corners[0] + u[:, None] * (corners[1] - corners[0]) + v[:, None] * (corners[3] - corners[0])
-    in_camera = transform(invert(pose), points)
-    xy = camera.project(in_camera)
-    weights = _area_weights(camera, in_camera, transform(invert(pose), corners))
-    inside = ((xy >= -0.5) & (xy <= [camera.width - 0.5, camera.height - 0.5])).all(axis=1)
+    xy = shot.project(points)
+    weights = _area_weights(shot, points, corners)
+    inside = ((xy >= -0.5) & (xy <= [shot.camera.width - 0.5, shot.camera.height - 0.5])).all(axis=1)
+    eyes = np.broadcast_to(shot.row_poses(xy[inside, 1])[:, :3, 3], (int(inside.sum()), 3))
     seen = np.zeros(len(points), dtype=bool)
-    seen[inside] = first_faces(solids, pose[:3, 3], points[inside] - pose[:3, 3]) == number
+    seen[inside] = first_faces(solids, eyes, points[inside] - eyes)[0] == number
     return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
 
 
-def _area_weights(camera: Camera, points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the image area, in any unit, of equal patches of a plane at (n, 3) points, camera frame."""
+def _area_weights(shot: Shot, points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the image area, in any unit, of equal patches of a plane at (n, 3) points."""
     step = 1e-4
     u, v = step * (corners[1] - corners[0]), step * (corners[3] - corners[0])
-    along_u = camera.project(points + u) - camera.project(points - u)
-    along_v = camera.project(points + v) - camera.project(points - v)
+    along_u = shot.project(points + u) - shot.project(points - u)
+    along_v = shot.project(points + v) - shot.project(points - v)
     return np.nan_to_num(np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0]))
-
-
-def surfaces(scene: Scene, camera: Camera, world_from_camera: Pose) -> Surfaces:
-    """Return depth, ids and normals at pixel centres, by one exact ray each."""
-    from peaksim.rays import nearest_faces, solids_of
-
-    x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
-    rays = camera.unproject(np.stack([x.ravel(), y.ravel()], axis=1))
-    faces, parameters = nearest_faces(
-        solids_of(scene, quads=True), world_from_camera[:3, 3], rays @ world_from_camera[:3, :3].T
-    )
-    shape = (camera.height, camera.width)
-    mesh_of_face = np.repeat(np.arange(len(scene.meshes)), [len(m.faces) for m in scene.meshes])
-    quads, hit = len(scene.quads), faces >= 0
-    mesh_ids = np.full(len(faces), -1, np.int32)
-    mesh_ids[faces >= quads] = mesh_of_face[faces[faces >= quads] - quads]
-    normals = np.zeros((len(faces), 3))
-    normals[hit] = _normals(scene)[faces[hit]] @ world_from_camera[:3, :3]
-    normals *= -np.sign((normals * rays).sum(axis=1, keepdims=True))
-    return Surfaces(
-        depth_m=(parameters * rays[:, 2]).astype(np.float32).reshape(shape),
-        quad_ids=np.where(faces < quads, faces, -1).astype(np.int32).reshape(shape),
-        mesh_ids=mesh_ids.reshape(shape),
-        normals=normals.astype(np.float32).reshape(*shape, 3),
-    )
-
-
-def _normals(scene: Scene) -> NDArray[np.float64]:
-    """Return the (f, 3) unit normals of all faces, quads first, world frame."""
-    triangles = np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
-    crossed = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    crossed /= np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-300)
-    return np.concatenate([np.array([q.world_from_quad[:3, 2] for q in scene.quads]).reshape(-1, 3), crossed])

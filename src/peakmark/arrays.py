@@ -13,9 +13,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peakmark.arrays_blank import is_blank
 from peakmark.arrays_lattice import Cell, Lattice, Limits, Markers, expected, lattices, positions
 from peakmark.arrays_layout import THREE_BIT, Layout, code_of
 from peakmark.errors import InputError
+from peakmark.gray import as_gray
 from peakmark.identification import Detection
 
 ORIENTATION_MARGIN = 1.12
@@ -60,6 +62,7 @@ def decode_arrays(
     rule: Literal["robust", "paper"] = "robust",
     affinity: ArrayLike | None = None,
     image_size: tuple[int, int] | None = None,
+    image: ArrayLike | None = None,
 ) -> tuple[MarkerArray, ...]:
     """Return the arrays among dark and light markers, those without doubt first, then by code.
 
@@ -78,11 +81,14 @@ def decode_arrays(
     image_size
         (width, height) px. With it an array whose blank corner lies outside the image is unsure: a full block of
         markers that the border cuts looks the same.
+    image
+        The picture itself, grey or RGB, which also tells its size. With it an array whose blank corner is not as bright
+        and even as bare paper is unsure: a full block of markers of which one was missed looks the same.
 
     Raises
     ------
     InputError
-        If the rule is unknown, "paper" is asked for another layout, or `affinity` has another shape.
+        If the rule is unknown, "paper" is asked for another layout, `affinity` has another shape, or the image is none.
     """
     found = tuple(detections)
     if rule not in ("robust", "paper"):
@@ -95,8 +101,10 @@ def decode_arrays(
         return tuple(_array(found, order, layout, "") for order in decode_upright(found))
     seen = _seen(found, affinity)
     chosen = np.array(distinct(found, seen.sizes), dtype=np.intp)
-    found = tuple(found[i] for i in chosen)
-    return _decode(found, Markers(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen]), layout, image_size)
+    markers = Markers(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen])
+    gray = None if image is None else as_gray(image)
+    size = image_size if gray is None else (gray.shape[1], gray.shape[0])
+    return _decode(tuple(found[i] for i in chosen), markers, layout, size, gray)
 
 
 def _seen(found: Sequence[Detection], affinity: ArrayLike | None) -> Markers:
@@ -114,14 +122,13 @@ def _seen(found: Sequence[Detection], affinity: ArrayLike | None) -> Markers:
 
 def distinct(found: Sequence[Detection], sizes: NDArray[np.float64]) -> list[int]:
     """Return the indices of detections that overlap no stronger one of like size: paper does not."""
+    xy = np.array([d.xy for d in found], dtype=np.float64).reshape(-1, 2)
     kept: list[int] = []
-    for i in sorted(range(len(found)), key=lambda i: -found[i].response):
-        for j in kept:
-            alike = abs(np.log(sizes[i] / sizes[j])) <= np.log(_LIKE_SIZE)
-            if alike and np.linalg.norm(found[i].xy - found[j].xy) < _OVERLAP * sizes[j]:
-                break
-        else:
-            kept.append(i)
+    for i in np.argsort([-d.response for d in found], kind="stable"):
+        alike = np.abs(np.log(sizes[kept] / sizes[i])) <= np.log(_LIKE_SIZE)
+        gaps = np.linalg.norm(xy[kept] - xy[i], axis=1)
+        if not (alike & (gaps < _OVERLAP * sizes[kept])).any():
+            kept.append(int(i))
     return kept
 
 
@@ -152,7 +159,11 @@ class _Candidate:
 
 
 def _decode(
-    found: Sequence[Detection], seen: Markers, layout: Layout, image_size: tuple[int, int] | None
+    found: Sequence[Detection],
+    seen: Markers,
+    layout: Layout,
+    image_size: tuple[int, int] | None,
+    gray: NDArray[np.uint8] | None,
 ) -> tuple[MarkerArray, ...]:
     if len(found) < 3:
         return ()
@@ -162,6 +173,8 @@ def _decode(
         rivals = [other for other in everything if _is_rival(other, candidate, seen.limits)]
         if candidate.readings and not any(_is_better(rival, candidate, seen.limits) for rival in rivals):
             doubt = _rivalry(candidate, rivals) or _doubt(candidate, seen, image_size)
+            if gray is not None and not doubt and not _has_blank(gray, seen, candidate, layout.pitch):
+                doubt = "the blank corner is not blank"
             arrays.append(_array(found, candidate.readings[0].order, layout, doubt))
     return tuple(sorted(arrays, key=lambda a: (a.code is None, a.code or 0, tuple(a.xy))))
 
@@ -218,6 +231,10 @@ def _doubt(candidate: _Candidate, seen: Markers, image_size: tuple[int, int] | N
         if not (np.all(corner > -0.5) and np.all(corner < np.array(image_size) - 0.5)):
             return "the blank corner lies outside the image"
     return ""
+
+
+def _has_blank(gray: NDArray[np.uint8], seen: Markers, candidate: _Candidate, pitch: float) -> bool:
+    return is_blank(gray, seen, candidate.lattice, candidate.readings[0].blank, pitch)
 
 
 def _is_crowded(lattice: Lattice, blank: Cell, seen: Markers) -> bool:

@@ -113,12 +113,9 @@ class Lattice:
 
 def frames(markers: Markers, pitch: float) -> list[Frame]:
     """Return every frame whose sides fit markers of their size at `pitch` sides from one another."""
-    found = (
-        _frame(markers, pitch, origin, *pair)
-        for origin, near in enumerate(neighbours(markers, pitch))
-        for pair in combinations(near, 2)
-    )
-    return [frame for frame in found if frame is not None]
+    near = neighbours(markers, pitch)
+    triples = np.array([(i, *pair) for i, others in enumerate(near) for pair in combinations(others, 2)], dtype=np.intp)
+    return _fitting(markers, pitch, triples.reshape(-1, 3))
 
 
 def neighbours(markers: Markers, pitch: float) -> list[list[int]]:
@@ -136,26 +133,28 @@ def neighbours(markers: Markers, pitch: float) -> list[list[int]]:
     return [[int(j) for j in row[good]] for row, good in zip(nearest, fits, strict=True)]
 
 
-def _frame(markers: Markers, pitch: float, origin: int, first: int, second: int) -> Frame | None:
+def _fitting(markers: Markers, pitch: float, triples: NDArray[np.intp]) -> list[Frame]:
+    """Return those of (t, 3) markers, the corner first, that are squares within the limits."""
     limits = markers.limits
-    sides = (markers.xy[[first, second]] - markers.xy[origin]).T / pitch
-    area = float(np.linalg.det(sides))
-    if area < 0:
-        first, second, sides = second, first, sides[:, ::-1]
-    sizes = np.sqrt(abs(area)) / markers.sizes[[origin, first, second]]
-    if not (1 / limits.area <= sizes.min() and sizes.max() <= limits.area):
-        return None
-    sides = np.linalg.solve(markers.shapes[origin], sides)
-    longest, shortest = np.linalg.svd(sides, compute_uv=False)
-    if longest > limits.squeeze * shortest or _turn_deg(sides) > limits.turn_deg:
-        return None
-    return Frame(origin, first, second, float(longest / shortest))
+    sides = np.swapaxes(markers.xy[triples[:, 1:]] - markers.xy[triples[:, :1]], 1, 2) / pitch
+    areas = np.linalg.det(sides)
+    mirrored = areas < 0
+    triples = np.where(mirrored[:, None], triples[:, [0, 2, 1]], triples)
+    sides = np.where(mirrored[:, None, None], sides[:, :, ::-1], sides)
+    sizes = np.sqrt(np.abs(areas))[:, None] / markers.sizes[triples]
+    fits = (sizes.min(axis=1) >= 1 / limits.area) & (sizes.max(axis=1) <= limits.area)
+    triples, sides = triples[fits], np.linalg.solve(markers.shapes[triples[fits, 0]], sides[fits])
+    longest, shortest = np.linalg.svd(sides, compute_uv=False).T
+    fits = (longest <= limits.squeeze * shortest) & (_turn_deg(sides) <= limits.turn_deg)
+    squeezes = longest[fits] / shortest[fits]
+    kept = zip(triples[fits].tolist(), squeezes.tolist(), strict=True)
+    return [Frame(origin, along, down, squeeze) for (origin, along, down), squeeze in kept]
 
 
-def _turn_deg(sides: Points) -> float:
-    """Return how far the sides are from the pattern's own axes, up to quarter turns, degrees 0…45."""
-    angle = np.degrees(np.arctan2(sides[1, 0] - sides[0, 1], sides[0, 0] + sides[1, 1]))
-    return float(abs((angle + 45) % 90 - 45))
+def _turn_deg(sides: Points) -> Points:
+    """Return (n,) how far (n, 2, 2) sides are from the pattern's own axes, up to quarter turns, degrees 0…45."""
+    angle = np.degrees(np.arctan2(sides[:, 1, 0] - sides[:, 0, 1], sides[:, 0, 0] + sides[:, 1, 1]))
+    return np.asarray(np.abs((angle + 45) % 90 - 45))
 
 
 def lattices(markers: Markers, pitch: float) -> list[Lattice]:

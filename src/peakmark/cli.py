@@ -5,6 +5,7 @@ from typing import Annotated, Any, NoReturn
 
 from typer import Argument, Option, Typer
 
+from peakmark import cli_corpus, cli_regress
 from peakmark.cli_envelope import envelope
 from peakmark.cli_marker import marker
 from peakmark.command import run_command
@@ -13,6 +14,8 @@ app = Typer(add_completion=False, no_args_is_help=True, help="Markers that SIFT 
 
 
 app.command()(marker)
+app.add_typer(cli_corpus.app, name="corpus")
+app.add_typer(cli_regress.app, name="regress")
 app.command()(envelope)
 
 

@@ -5,8 +5,8 @@ Sums are kept modulo 2^32 in int32. Differences of such sums are exact as long a
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from peaksim.kernel import kernel
 
 from peakmark.parallel import bands, map_parallel, thread_count
 
@@ -58,7 +58,7 @@ def padded_length(length: int, itemsize: int) -> int:
     return (lines | 1) * 64 // itemsize
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sum_columns(pixels, sums):  # type: ignore[no-untyped-def]
     for y in range(pixels.shape[0]):
         row = pixels[y]
@@ -66,7 +66,7 @@ def _sum_columns(pixels, sums):  # type: ignore[no-untyped-def]
             sums[x] += row[x]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _integrate(pixels, above, sums):  # type: ignore[no-untyped-def]
     """Fill the rows of one band; `above` (W,) is the integral row over the band, without its leading zero."""
     width = pixels.shape[1]

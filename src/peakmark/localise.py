@@ -19,7 +19,7 @@ from peakmark.errors import InputError
 from peakmark.localise_distance import Values, unit_rays
 from peakmark.localise_floor import Floor, floor_from_areas, floor_from_shapes, on_floor
 from peakmark.localise_match import Arrangement, arrangements
-from peakmark.localise_pose import SIGMA_PX, Markers, PoseFit, expected_shapes, refine_pose
+from peakmark.localise_pose import SIGMA_PX, Markers, PoseFit, expected_shapes, refine_pose, refined_sigmas
 
 FEWEST = 4
 """Matched markers that a pose needs where their shapes are known."""
@@ -35,6 +35,9 @@ MISSED_COST = 3.0
 
 MARGIN = 8.0
 """Log-likelihood by which the best pose must beat the next one."""
+
+_WORST = 6.0
+"""Error of a centre, in its σ and in the median of all, beyond which a marker is left out of the final pose."""
 
 _SURELY_SEEN_PX = 22.0
 """Side from which a marker that is well inside the image should have been found."""
@@ -131,7 +134,26 @@ def locate(
     guesses = [near] if near is not None else _guesses(camera, floor_map, *seen)
     settled = (_settle(camera, floor_map, *seen, guess, sigma_px) for guess in guesses)
     candidates = [c for c in settled if c is not None and (near is None or _is_near(c, near, within_m, within_deg))]
-    return _decide(candidates)
+    found = _decide(candidates)
+    centers, shapes, _ = seen
+    return found if found is None or shapes is None else _sharpened(camera, floor_map, found, centers, shapes)
+
+
+def _sharpened(camera: Camera, floor_map: FloorMap, found: Located, xy: Values, affinity: Values) -> Located:
+    """Return the pose with each marker weighing as much as it is known to tell, without those that do not fit then."""
+    marker_of = found.marker_of.copy()
+    while (marker_of >= 0).sum() >= FEWEST:
+        chosen = np.flatnonzero(marker_of >= 0)
+        center_sigma, shape_sigma = refined_sigmas(affinity[chosen])
+        tangents = _level_tangents(floor_map.side_m, len(chosen))
+        markers = Markers(xy[chosen], floor_map.centers_m[marker_of[chosen]], tangents, affinity[chosen],
+                          sigma_px=center_sigma, shape_sigma_px=shape_sigma)  # fmt: skip
+        fit = refine_pose(camera, found.world_from_camera, markers)
+        off = np.linalg.norm(fit.errors_px, axis=1) / center_sigma
+        if off.max() <= _WORST * max(1.0, float(np.median(off))):
+            return Located(fit.world_from_camera, marker_of, fit.rms_px, found.margin)
+        marker_of[chosen[np.argmax(off)]] = -1
+    return found
 
 
 def _fewest(has_shapes: bool) -> int:

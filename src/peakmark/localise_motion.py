@@ -18,7 +18,7 @@ from peaksim.pose import Pose, compose, invert, transform
 
 from peakmark.localise_distance import Values, unit_rays
 from peakmark.localise_floor import floor_from_shapes, floor_of_pose, on_floor
-from peakmark.localise_pose import SIGMA_PX, STEP, Markers, Residuals, moved
+from peakmark.localise_pose import STEP, Markers, Residuals, moved, refined_sigmas
 
 FEWEST_SHARED = 2
 """Markers of the chart that a frame must show."""
@@ -58,7 +58,10 @@ class Chart:
 
 
 def odometry(
-    camera: Camera, side_m: float, frames: Iterable[tuple[ArrayLike, ArrayLike, ArrayLike]], sigma_px: float = SIGMA_PX
+    camera: Camera,
+    side_m: float,
+    frames: Iterable[tuple[ArrayLike, ArrayLike, ArrayLike]],
+    sigma_px: float | None = None,
 ) -> Iterator[Pose | None]:
     """Yield `world_from_camera` of each frame in the world of the first frame that shows markers; None if lost.
 
@@ -71,7 +74,7 @@ def odometry(
     frames
         Track ids (n,), centres (n, 2) px and shapes (n, 2, 2) px per side of each frame.
     sigma_px
-        Error of centres and shapes.
+        Error of centres and shapes; None: what `localise_pose.refined_sigmas` says of each.
     """
     chart: Chart | None = None
     pose: Pose | None = None
@@ -91,7 +94,7 @@ def odometry(
         yield None if placed is None else pose
 
 
-def start(camera: Camera, side_m: float, seen: Seen, sigma_px: float = SIGMA_PX) -> tuple[Pose, Chart] | None:
+def start(camera: Camera, side_m: float, seen: Seen, sigma_px: float | None = None) -> tuple[Pose, Chart] | None:
     """Return the pose and the chart of a first frame; None if it shows fewer than `FEWEST_SHARED` markers."""
     floor = floor_from_shapes(camera, seen.xy, seen.affinity, side_m) if len(seen.ids) >= FEWEST_SHARED else None
     if floor is None:
@@ -101,7 +104,7 @@ def start(camera: Camera, side_m: float, seen: Seen, sigma_px: float = SIGMA_PX)
 
 
 def advance(
-    camera: Camera, side_m: float, chart: Chart, before: Pose | None, seen: Seen, sigma_px: float = SIGMA_PX
+    camera: Camera, side_m: float, chart: Chart, before: Pose | None, seen: Seen, sigma_px: float | None = None
 ) -> tuple[Pose, Chart] | None:
     """Return the pose of one more frame and the chart after it; None if too few of the chart's markers fit.
 
@@ -118,7 +121,7 @@ def advance(
 
 
 def _solve(
-    camera: Camera, side_m: float, chart: Chart, guess: Pose, seen: Seen, sigma_px: float, is_first: bool = False
+    camera: Camera, side_m: float, chart: Chart, guess: Pose, seen: Seen, sigma_px: float | None, is_first: bool = False
 ) -> tuple[Pose, Chart, Values]:
     """Return the frame's pose, the chart with its markers, and the (n,) whitened errors of their centres."""
     from scipy.optimize import least_squares
@@ -148,10 +151,14 @@ def _solve(
     return moved(guess, fit.x[:6]), Chart(prior.ids, places, information), off
 
 
-def _residuals(camera: Camera, side_m: float, seen: Seen, sigma_px: float) -> Residuals:
+def _residuals(camera: Camera, side_m: float, seen: Seen, sigma_px: float | None) -> Residuals:
     count = len(seen.ids)
     tangents = np.broadcast_to(side_m * np.eye(3)[:, :2], (count, 3, 2))
-    return Residuals.of(camera, Markers(seen.xy, np.zeros((count, 3)), tangents, seen.affinity, sigma_px=sigma_px))
+    center, shape = refined_sigmas(seen.affinity) if sigma_px is None else (sigma_px, sigma_px)
+    return Residuals.of(
+        camera,
+        Markers(seen.xy, np.zeros((count, 3)), tangents, seen.affinity, sigma_px=center, shape_sigma_px=shape),
+    )
 
 
 def _with_new(camera: Camera, chart: Chart, guess: Pose, seen: Seen) -> Chart:

@@ -56,8 +56,10 @@ class Markers:
     """(n, 2, 2) seen shapes, px per side; None uses the centres alone."""
     side_px: NDArray[np.float64] | None = None
     """(n,) seen sides (square roots of the areas), px, where there are no shapes."""
-    sigma_px: float = SIGMA_PX
-    """Error that the residuals are divided by."""
+    sigma_px: float | NDArray[np.float64] = SIGMA_PX
+    """Error that the residuals of centres, of all or (n,) each, are divided by."""
+    shape_sigma_px: float | NDArray[np.float64] | None = None
+    """The same for shapes; None: as for centres."""
 
 
 def pose_from_points(camera: Camera, xy: ArrayLike, points_m: ArrayLike, sigma_px: float = SIGMA_PX) -> PoseFit | None:
@@ -168,15 +170,31 @@ class Residuals(NamedTuple):
         """
         markers = self.markers
         flat, slopes = _projected(poses, markers.centers_m if centers_m is None else centers_m, markers.tangents_m)
-        errors = np.einsum("nij,knj->kni", self.scale, self.flat - flat) / markers.sigma_px
+        errors = np.einsum("nij,knj->kni", self.scale, self.flat - flat) / _column(markers.sigma_px)
         parts = [errors.reshape(len(poses), -1)]
         shapes = self.scale @ slopes
         if markers.affinity is not None:
-            parts.append(_shape_errors(markers.affinity, shapes).reshape(len(poses), -1) / markers.sigma_px)
+            sigma = _column(markers.sigma_px if markers.shape_sigma_px is None else markers.shape_sigma_px)
+            parts.append((_shape_errors(markers.affinity, shapes) / sigma).reshape(len(poses), -1))
         elif markers.side_px is not None:
             areas = np.abs(np.linalg.det(shapes))
             parts.append(np.log(markers.side_px**2 / np.maximum(areas, 1e-6)) / (2 * SIGMA_LOG_SIDE))
         return np.concatenate(parts, axis=1)
+
+
+def _column(sigma: float | NDArray[np.float64]) -> Values:
+    return np.asarray(sigma, dtype=np.float64).reshape(-1, 1)
+
+
+def refined_sigmas(affinity: NDArray[np.float64]) -> tuple[Values, Values]:
+    """Return (n,) errors, px, of the centres and of the shapes of (n, 2, 2) refined markers.
+
+    Measured on 590 markers of a ride with motion blur and noise: a centre gains from all edges of the pattern, a
+    shape trades against blur, which tells most on small markers. Shapes count half, for their errors are alike in a
+    frame.
+    """
+    side_px = np.sqrt(np.abs(np.linalg.det(affinity)))
+    return 0.01 + 0.4 / side_px, 0.08 + 120 / side_px**2
 
 
 def _projected(poses: NDArray[np.float64], centers_m: Values, tangents_m: Values) -> tuple[Values, Values]:

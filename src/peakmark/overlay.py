@@ -27,11 +27,11 @@ def draw_overlay(
     matched = set(score.matches.values())
     for detection in detections:
         colour = FOUND if detection.id in matched else FALSE
-        _circle(canvas, detection.xy, detection.size * 0.75, colour, line)
-        _label(canvas, str(detection.rank), detection.xy + np.array([detection.size * 0.8, 0]), colour, line)
+        circle(canvas, detection.xy, detection.size * 0.75, colour, line)
+        label(canvas, str(detection.rank), detection.xy + np.array([detection.size * 0.8, 0]), colour, line)
     for marker in truth:
         if marker.name in score.missed:
-            cv2.drawMarker(canvas, _point(marker.center_xy, 0), MISSED, cv2.MARKER_TILTED_CROSS,
+            cv2.drawMarker(canvas, point(marker.center_xy, 0), MISSED, cv2.MARKER_TILTED_CROSS,
                            round(max(12, marker.side_px)), 2 * line, cv2.LINE_AA)  # fmt: skip
     return canvas
 
@@ -41,20 +41,24 @@ def rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image
 
 
-def _circle(canvas: NDArray[np.uint8], xy: NDArray[np.float64], radius: float, colour: Any, line: int) -> None:
+def circle(canvas: NDArray[np.uint8], xy: NDArray[np.float64], radius: float, colour: Any, line: int) -> None:
+    """Draw a circle in place; centre and radius to a sixteenth of a px."""
     import cv2
 
-    cv2.circle(canvas, _point(xy, 4), round(radius * 16), colour, 2 * line, cv2.LINE_AA, shift=4)
+    cv2.circle(canvas, point(xy, 4), round(radius * 16), colour, 2 * line, cv2.LINE_AA, shift=4)
 
 
-def _label(canvas: NDArray[np.uint8], text: str, xy: NDArray[np.float64], colour: Any, line: int) -> None:
+def label(
+    canvas: NDArray[np.uint8], text: str, xy: NDArray[np.float64], colour: Any, line: int, scale: float = 1.0
+) -> None:
     """Write text with a dark rim, so that it reads on any floor."""
     import cv2
 
-    size = 0.55 * max(1.0, canvas.shape[1] / 1300)
+    size = 0.55 * scale * max(1.0, canvas.shape[1] / 1300)
     for ink, width in (((0, 0, 0), 4 * line), (colour, 2 * line)):
-        cv2.putText(canvas, text, _point(xy, 0), cv2.FONT_HERSHEY_SIMPLEX, size, ink, width, cv2.LINE_AA)
+        cv2.putText(canvas, text, point(xy, 0), cv2.FONT_HERSHEY_SIMPLEX, size, ink, width, cv2.LINE_AA)
 
 
-def _point(xy: NDArray[np.float64], shift: int) -> tuple[int, int]:
+def point(xy: NDArray[np.float64], shift: int) -> tuple[int, int]:
+    """Return OpenCV's integer coordinates with `shift` fractional bits."""
     return round(float(xy[0]) * 2**shift), round(float(xy[1]) * 2**shift)

@@ -6,7 +6,7 @@ for any number of threads.
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import TypeVar
@@ -55,11 +55,30 @@ def threads(count: int) -> Iterator[None]:
 
 
 def map_parallel(work: Callable[[Task], Result], tasks: Iterable[Task]) -> list[Result]:
-    """`[work(task) for task in tasks]`, spread over the pool; results in the order of the tasks."""
+    """`[work(task) for task in tasks]`, shared between the caller's thread and the pool; results in task order.
+
+    Raises what `work` raises, once no thread works on these tasks any more.
+    """
     listed = list(tasks)
-    if thread_count() == 1 or len(listed) < 2:
+    helpers = min(thread_count(), len(listed)) - 1
+    if helpers < 1:
         return [work(task) for task in listed]
-    return list(_shared_pool().map(work, listed))
+    results: dict[int, Result] = {}
+    waiting = iter(range(len(listed)))  # the GIL hands each index to one thread
+
+    def take_tasks() -> None:
+        for index in waiting:
+            results[index] = work(listed[index])
+
+    shared = [_shared_pool().submit(take_tasks) for _ in range(helpers)]
+    try:
+        take_tasks()
+    finally:
+        started = [future for future in shared if not future.cancel()]
+        wait(started)
+    for future in started:
+        future.result()
+    return [results[index] for index in range(len(listed))]
 
 
 def bands(length: int, count: int) -> list[tuple[int, int]]:

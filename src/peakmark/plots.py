@@ -76,9 +76,36 @@ def top_view(ax: Any, markers_m: NDArray[np.float64], ways_m: dict[str, NDArray[
     ax.scatter(*markers_m.T, s=14, marker="s", color=CLUTTER_COLOUR, label="markers")
     for (name, way), (colour, line, width) in zip(ways_m.items(), styles, strict=False):
         ax.plot(*way.T, color=colour, linestyle=line, linewidth=width, label=name)
-    ax.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+    ax.set_aspect("equal", adjustable="datalim")
     ax.grid(alpha=0.3)
     ax.legend(frameon=False, fontsize=8)
+
+
+def roc(ax: Any, curves: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]], least: float = 1e-5) -> None:
+    """Draw true over false positive rate, one named curve a classifier, with a logarithmic axis from `least`."""
+    for name, (false_rate, true_rate) in curves.items():
+        ax.plot(np.maximum(false_rate, least), true_rate, drawstyle="steps-post", linewidth=1.3, label=name)
+    ax.set(xscale="log", xlim=(least, 1), ylim=(0, 1.01), xlabel="false positive rate",
+           ylabel="true positive rate", title="Key points told apart on held-out rooms")  # fmt: skip
+    ax.grid(alpha=0.3)
+    ax.legend(frameon=False, loc="lower right")
+
+
+def response_over_vis(
+    ax: Any, responses: NDArray[np.float32], distances: NDArray[np.float64], is_marker: NDArray[np.bool_]
+) -> None:
+    """Draw responses over distances from the version-independent signature (the paper's Figure 14)."""
+    for chosen, colour, size, name in (
+        (~is_marker, CLUTTER_COLOUR, 4, "other features"),
+        (is_marker, MARKER_COLOUR, 30, "markers"),
+    ):
+        ax.scatter(distances[chosen], responses[chosen], s=size, color=colour, linewidths=0, label=name,
+                   marker="D" if size > 9 else "o", rasterized=True)  # fmt: skip
+    top = float(responses.max(initial=1e3))
+    ax.set(yscale="log", ylim=(400, 2 * top), xlim=(0, None), xlabel="distance from the version-independent signature",
+           ylabel="response (determinant of the Hessian)", title="Detector response and VIS distance")  # fmt: skip
+    ax.legend(frameon=False)
 
 
 def envelope_map(

@@ -57,8 +57,9 @@ class Refined:
 
     @property
     def side_px(self) -> NDArray[np.float64]:
-        """(n,) square root of the affinity's area."""
-        return np.asarray(np.sqrt(np.abs(np.linalg.det(self.affine))))
+        """(n,) square root of the affinity's area; nan where not converged."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.sqrt(np.abs(np.linalg.det(self.affine))))
 
     def corners(self) -> NDArray[np.float64]:
         """Return (n, 4, 2) the pattern's corners in the image, from its top left clockwise, px."""
@@ -129,7 +130,8 @@ def _refined(
     affine = theta[:, 2:6].reshape(-1, 2, 2)
     signal = theta[:, 8] ** 2 * level_variance
     explained = signal / np.maximum(signal + noise, 1e-12)
-    ratio = np.sqrt(np.maximum(np.linalg.det(affine), 0.0)) / sizes
+    with np.errstate(invalid="ignore"):  # a fit that diverged is nan, and not kept
+        ratio = np.sqrt(np.maximum(np.linalg.det(affine), 0.0)) / sizes
     shift = np.linalg.norm(theta[:, :2] - places, axis=1) / sizes
     converged = converged & (theta[:, 8] > 0) & (explained > _MIN_EXPLAINED) & (shift < _MAX_SHIFT)
     converged = converged & (ratio < _SIZE_RATIO) & (ratio > 1 / _SIZE_RATIO)

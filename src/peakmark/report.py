@@ -34,6 +34,22 @@ class Section:
     caption: str = ""
     links: Sequence[str] = field(default_factory=tuple)
     """Names of files beside the page."""
+    pictures: Sequence["Picture"] = field(default_factory=tuple)
+    """Side by side where there is room."""
+    data: Table | None = None
+    """What a figure was drawn from, folded away."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture with words under it."""
+
+    uri: str
+    """A data URI from `jpeg_uri`."""
+    caption: str
+    width: int
+    """Of the picture, px: the page reserves its room."""
+    height: int
 
 
 def write_report(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:

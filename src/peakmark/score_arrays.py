@@ -16,7 +16,10 @@ from peakmark.marker import Polarity
 from peakmark.score import FULLY_IN_VIEW
 
 SMALLEST_PX = 20.0
-"""Side from which an array's markers must be read."""
+"""Side from which markers must be found and arrays read."""
+
+STEEPEST_DEG = 45.0
+"""Tilt up to which they must be."""
 
 _GRID_TOLERANCE = 0.05
 
@@ -88,7 +91,8 @@ class ArrayScore:
     """One picture's result."""
 
     in_view: tuple[str, ...]
-    """Names of the arrays that must be read: wholly visible, blank corner included, markers ≥ `SMALLEST_PX`."""
+    """Names of the arrays that must be read: wholly visible, blank corner included, markers ≥ `SMALLEST_PX` and
+    tilted to `STEEPEST_DEG`."""
     decoded: tuple[str, ...]
     """Those of them that were read rightly."""
     missed: tuple[str, ...]
@@ -138,7 +142,9 @@ def is_in_view(
 ) -> bool:
     """Return whether an array must be read; see `ArrayScore.in_view`."""
     marks = [records[name] for name in printed.marks]
-    if any(t.visible_fraction < FULLY_IN_VIEW or t.side_px < SMALLEST_PX for t in marks):
+    if min(t.visible_fraction for t in marks) < FULLY_IN_VIEW:
+        return False
+    if min(t.side_px for t in marks) < SMALLEST_PX or max(t.tilt_deg for t in marks) > STEEPEST_DEG:
         return False
     corners = camera.project(transform(invert(world_from_camera), printed.corners_m))
     with np.errstate(invalid="ignore"):

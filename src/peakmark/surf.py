@@ -15,6 +15,7 @@ Patents: SURF is covered by US 8,165,401 and US 8,670,619, whose base terms run 
 licence for your use is for you to decide.
 """
 
+from numbers import Real
 from typing import Final, TypedDict
 
 import numpy as np
@@ -85,8 +86,8 @@ def detect(
     extended : no effect here; so that one set of parameters serves `detect_and_describe` too.
     upright : do not measure the orientation: every angle is 270°, as OpenCV writes it.
     strongest : keep only so many key points (all are found, few are oriented); None keeps all.
-    mask : (H, W) bool or uint8; a key point is kept where at least half of its filter square is on nonzero pixels,
-        OpenCV's rule.
+    mask : (H, W) bool or uint8; a key point is kept where the pixel nearest to it and at least half of its filter
+        square are nonzero, OpenCV's rule.
 
     Returns
     -------
@@ -174,10 +175,14 @@ def _find(
 ) -> Keypoints:
     """`detect` on a checked image."""
     _check_parameters(threshold, octaves, layers, strongest, gray.shape)
-    covered = None if mask is None else padded_integral(_as_zeros_and_ones(mask, gray.shape))
+    chosen_pixels = None if mask is None else _as_zeros_and_ones(mask, gray.shape)
+    covered = None if chosen_pixels is None else padded_integral(chosen_pixels)
     integral = padded_integral(gray)
     height, width = gray.shape
     records = find_interest_points(integral, (height, width), threshold, octaves, layers, covered)
+    if chosen_pixels is not None:
+        columns, rows = np.rint(records[:, :2]).astype(np.intp).T
+        records = records[chosen_pixels[rows, columns] > 0]
     order = strongest_first(records)
     limit = len(order) if strongest is None else strongest
     if upright:
@@ -221,8 +226,8 @@ def _to_keypoints(records: NDArray[np.float32], angles: NDArray[np.float32] | np
 def _check_parameters(
     threshold: float, octaves: int, layers: int, strongest: int | None, shape: tuple[int, ...]
 ) -> None:
-    if not (np.isfinite(threshold) and threshold >= 0):
-        raise InputError(f"threshold: expected a finite number of at least 0, got {threshold}")
+    if not (isinstance(threshold, Real) and 0 <= threshold < np.inf):
+        raise InputError(f"threshold: expected a finite number of at least 0, got {threshold!r}")
     for name, value, most in (("octaves", octaves, 16), ("layers", layers, 64)):
         if not (isinstance(value, int | np.integer) and 1 <= value <= most):
             raise InputError(f"{name}: expected an integer in 1…{most}, got {value!r}")

@@ -1,8 +1,8 @@
 """Kernels for SURF's descriptor: gradients of a turned window, summed in 4×4 cells."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from peaksim.kernel import kernel, part
 
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.surf_orientation import gaussian
@@ -53,16 +53,16 @@ def describe_windows(
     rows = np.argsort(xy[:, 1])  # neighbours in the image share its cache lines
 
     def describe(cut: tuple[int, int]) -> None:
-        part = rows[slice(*cut)]
-        _describe(pairs, gray.shape, part, xy, window_side(size), angle, extended, upright, _WEIGHTS, descriptors)
+        chosen = rows[slice(*cut)]
+        _describe(pairs, gray.shape, chosen, xy, window_side(size), angle, extended, upright, _WEIGHTS, descriptors)
 
     map_parallel(describe, bands(len(size), 8 * thread_count()))
     return descriptors
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _describe(pairs, shape, rows, xy, sides, angle, extended, upright, weights, descriptors):  # type: ignore[no-untyped-def]
-    largest = 1
+    largest = np.int64(1)
     for k in rows:
         largest = max(largest, sides[k])
     buffers = make_buffers(largest)
@@ -87,7 +87,7 @@ def _describe(pairs, shape, rows, xy, sides, angle, extended, upright, weights, 
         _normalise(descriptors, k)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _gradient(patch, place, weight):  # type: ignore[no-untyped-def]
     """Weighted 2×2 gradient between a patch pixel and the one right of and below it."""
     below, right = place + U(1), place + U(PATCH_PITCH)
@@ -95,7 +95,7 @@ def _gradient(patch, place, weight):  # type: ignore[no-untyped-def]
     return np.float32(np.int32(b - a + d - c)) * weight, np.float32(np.int32(c - a + d - b)) * weight
 
 
-@njit(cache=True, nogil=True)
+@part
 def _add_gradients(patch, place, weights, sums, n):  # type: ignore[no-untyped-def]
     """Add dx, dy, |dx| and |dy| of a patch column to the sums of its rows."""
     for i in range(n):
@@ -106,7 +106,7 @@ def _add_gradients(patch, place, weights, sums, n):  # type: ignore[no-untyped-d
         sums[i + U(3 * PATCH_PITCH)] += abs(dy)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _add_by_sign(patch, place, weights, sums, n):  # type: ignore[no-untyped-def]
     """Add dx and |dx| where dy ≥ 0, then where dy < 0; dy and |dy| where dx ≥ 0, then where dx < 0."""
     zero = np.float32(0.0)
@@ -123,7 +123,7 @@ def _add_by_sign(patch, place, weights, sums, n):  # type: ignore[no-untyped-def
         sums[i + U(7 * PATCH_PITCH)] += zero if right else abs(dy)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _fold(sums, entries, column, descriptors, k):  # type: ignore[no-untyped-def]
     """Add the five rows of each of a column's four cells; a descriptor has the cells row by row."""
     for row in range(4):
@@ -133,7 +133,7 @@ def _fold(sums, entries, column, descriptors, k):  # type: ignore[no-untyped-def
             descriptors[k, (4 * row + column) * entries + entry] = total
 
 
-@njit(cache=True, nogil=True)
+@part
 def _normalise(descriptors, k):  # type: ignore[no-untyped-def]
     """Scale descriptor k to unit length; zeros stay."""
     energy = np.float64(0.0)

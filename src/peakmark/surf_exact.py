@@ -5,7 +5,7 @@ OpenCV rounds every box mean to single precision. Here the same roundings are ma
 """
 
 import numpy as np
-from numba import njit
+from peaksim.kernel import part
 
 from peakmark.surf_layers import DXY_WEIGHT
 
@@ -13,7 +13,7 @@ U = np.uint64
 _DXY = np.float32(DXY_WEIGHT)
 
 
-@njit(cache=True, nogil=True)
+@part
 def exact_derivatives(sums, stride, corner, side):  # type: ignore[no-untyped-def]
     """Dxx, Dyy and Dxy of the filter with its corner at sums[corner], in OpenCV's arithmetic and order.
 
@@ -40,7 +40,7 @@ def exact_derivatives(sums, stride, corner, side):  # type: ignore[no-untyped-de
     return dxx, dyy, np.float32(dxy)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _thirds(sums, corner, across, along, mean):  # type: ignore[no-untyped-def]
     """First − 2 middle + last third of a box, as means; `across` and `along` are steps in `sums`."""
     first = _box_mean(sums, corner, across, along, mean)
@@ -49,7 +49,7 @@ def _thirds(sums, corner, across, along, mean):  # type: ignore[no-untyped-def]
     return np.float32(np.float64(first) + np.float64(middle) + np.float64(last))
 
 
-@njit(cache=True, nogil=True)
+@part
 def box_sum(sums, corner, down, right):  # type: ignore[no-untyped-def]
     """Sum over the box from sums[corner] to sums[corner + down + right], modulo 2^32."""
     a, b = sums[U(corner)], sums[U(corner + right)]
@@ -57,19 +57,19 @@ def box_sum(sums, corner, down, right):  # type: ignore[no-untyped-def]
     return np.int32(a + d - b - c)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _box_mean(sums, corner, down, right, one_by_area):  # type: ignore[no-untyped-def]
     return np.float32(box_sum(sums, corner, down, right)) * one_by_area
 
 
-@njit(cache=True, nogil=True)
+@part
 def exact_response(sums, stride, corner, side):  # type: ignore[no-untyped-def]
     """Determinant of the Hessian, see `exact_derivatives`."""
     dxx, dyy, dxy = exact_derivatives(sums, stride, corner, side)
     return dxx * dyy - _DXY * dxy * dxy
 
 
-@njit(cache=True, nogil=True)
+@part
 def quick_response(sums, stride, corner, side):  # type: ignore[no-untyped-def]
     """`exact_response` but for the last bits: each derivative is one integer before it is rounded."""
     third = side // 3
@@ -87,14 +87,14 @@ def quick_response(sums, stride, corner, side):  # type: ignore[no-untyped-def]
     return np.float32(dxx) * mean * (np.float32(dyy) * mean) - _DXY * mixed * mixed
 
 
-@njit(cache=True, nogil=True)
+@part
 def _sum_thirds(sums, corner, across, along):  # type: ignore[no-untyped-def]
     """First − 2 middle + last third of a box: whole − 3 middle."""
     middle = box_sum(sums, corner + along, across, along)
     return np.int32(box_sum(sums, corner, across, 3 * along) - 3 * middle)
 
 
-@njit(cache=True, nogil=True)
+@part
 def fill_layer(sums, stride, octave, index, i, j, exactly, values):  # type: ignore[no-untyped-def]
     """Responses of a layer at the 3×3 grid places around (i, j)."""
     offset, side = 4 + 3 * index, (9 + 6 * index) << octave
@@ -107,7 +107,7 @@ def fill_layer(sums, stride, octave, index, i, j, exactly, values):  # type: ign
                 values[di, dj] = quick_response(sums, stride, corner, side)
 
 
-@njit(cache=True, nogil=True)
+@part
 def strongest_neighbour(cube):  # type: ignore[no-untyped-def]
     """Largest of the 26 values around the middle of a (3, 3, 3) cube."""
     strongest = np.float32(-np.inf)
@@ -119,14 +119,14 @@ def strongest_neighbour(cube):  # type: ignore[no-untyped-def]
     return strongest
 
 
-@njit(cache=True, nogil=True)
+@part
 def mask_accepts(mask_sums, stride, corner, side):  # type: ignore[no-untyped-def]
     """OpenCV's rule: at least half of the filter square is inside the mask."""
     one_by_area = np.float32(1.0) / np.float32(side * side)
     return _box_mean(mask_sums, corner, side * stride, side, one_by_area) >= np.float32(0.5)
 
 
-@njit(cache=True, nogil=True)
+@part
 def newton_offset(cube):  # type: ignore[no-untyped-def]
     """Step (ok, dx, dy, ds) to the maximum near the middle of a (3, 3, 3) cube over layer, row and column.
 

@@ -12,8 +12,8 @@ test for negative indices, and lets the inner loops use vectors.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from peaksim.kernel import contracting_part, kernel, part
 
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.surf_exact import (
@@ -104,7 +104,7 @@ def grid_blocks(shape: tuple[int, int], octave: int, layers: int) -> list[Block]
     ]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _find_in_block(integral, mask_integral, threshold, block):  # type: ignore[no-untyped-def]
     """Records of the maxima in a block.
 
@@ -118,7 +118,7 @@ def _find_in_block(integral, mask_integral, threshold, block):  # type: ignore[n
     words = flags.view(np.uint64)
     scratch = np.zeros(8 * ((width + 6 * block.layers + 11) << block.octave), dtype=np.int32)
     cube = np.empty((3, 3, 3), dtype=np.float32)
-    records, count = np.empty((256, 7), dtype=np.float32), 0
+    records, count = np.empty((256, 7), dtype=np.float32), np.int64(0)
     for i in range(block.top - 1, block.bottom + 1):
         _respond(sums, stride, block, i, scratch, ring, width)
         if i <= block.top:
@@ -139,7 +139,7 @@ def _find_in_block(integral, mask_integral, threshold, block):  # type: ignore[n
     return records[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@part
 def _respond(sums, stride, block, i, scratch, ring, width):  # type: ignore[no-untyped-def]
     """Compute grid row i of every searched layer that has one, with one column more on each side of the block."""
     for index in range(1, block.layers + 1):
@@ -151,7 +151,7 @@ def _respond(sums, stride, block, i, scratch, ring, width):  # type: ignore[no-u
             _response_row(sums, stride, corner, index, block.octave, scratch, ring, place, end - first)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _response_row(sums, stride, corner, index, octave, scratch, out, place, n):  # type: ignore[no-untyped-def]
     """Determinants of n filters of one layer, the first with its corner at sums[corner], a step apart."""
     step = 1 << octave
@@ -164,7 +164,7 @@ def _response_row(sums, stride, corner, index, octave, scratch, out, place, n): 
     xy_near = xy_far = 2 * length
     if octave:
         m = n + side // step
-        xx = _every(scratch, 0, step, 3 * length, m)
+        xx = _every(scratch, np.int64(0), step, 3 * length, m)
         yy_low, yy_high = _both_phases(scratch, length, low % step, step, 4 * length, length, m)
         xy_near, xy_far = _both_phases(scratch, 2 * length, near % step, step, 6 * length, length, m)
     mean, mixed_mean = 1.0 / (third * (side - 2 * low)), 1.0 / (third * third)
@@ -188,7 +188,7 @@ def _response_row(sums, stride, corner, index, octave, scratch, out, place, n): 
     )
 
 
-@njit(cache=True, nogil=True)
+@part
 def _difference_rows(sums, stride, corner, side, n, scratch, length):  # type: ignore[no-untyped-def]
     """Differences down the filter's rows, for Dxx, Dyy and Dxy, into the first three rows of the scratch memory."""
     third, near, low = side // 3, (2 * side + 9) // 18, (4 * side + 9) // 18
@@ -215,28 +215,28 @@ def _difference_rows(sums, stride, corner, side, n, scratch, length):  # type: i
     )
 
 
-@njit(cache=True, nogil=True)
+@part
 def _difference(sums, r2, r7, out, place, n):  # type: ignore[no-untyped-def]
     """Sums over the middle five ninths of the rows, for Dxx."""
     for x in range(n):
         out[place + x] = np.int32(sums[r7 + x] - sums[r2 + x])
 
 
-@njit(cache=True, nogil=True)
+@part
 def _second_difference(sums, r0, r3, r6, r9, out, place, n):  # type: ignore[no-untyped-def]
     """Top − 2 middle + bottom third, for Dyy: (r3 − r0) − 2 (r6 − r3) + (r9 − r6)."""
     for x in range(n):
         out[place + x] = np.int32((sums[r9 + x] - sums[r0 + x]) - 3 * (sums[r6 + x] - sums[r3 + x]))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _mixed_difference(sums, r1, r4, r5, r8, out, place, n):  # type: ignore[no-untyped-def]
     """Upper − lower boxes, for Dxy."""
     for x in range(n):
         out[place + x] = np.int32((sums[r4 + x] - sums[r1 + x]) - (sums[r8 + x] - sums[r5 + x]))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _every(scratch, source, step, place, n):  # type: ignore[no-untyped-def]
     """Copy every step-th element side by side, so that the loop over positions can use vectors; returns the place."""
     for j in range(n):
@@ -244,7 +244,7 @@ def _every(scratch, source, step, place, n):  # type: ignore[no-untyped-def]
     return place
 
 
-@njit(cache=True, nogil=True)
+@part
 def _both_phases(scratch, source, phase, step, place, length, n):  # type: ignore[no-untyped-def]
     """`_every` from phase and from −phase on: the boxes of Dyy and Dxy lie symmetrically in the filter."""
     mirrored = (step - phase) % step
@@ -253,7 +253,7 @@ def _both_phases(scratch, source, phase, step, place, length, n):  # type: ignor
     return left, right
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@contracting_part
 def _determinants(s, x0, x3, x6, x9, y2, y7, u1, u4, u5, u8, dxx_dyy, dxy_dxy, out, place, n):  # type: ignore[no-untyped-def]
     """Dxx Dyy − 0.81 Dxy² from row differences at the boxes' columns, named by ninths of the side."""
     for j in range(n):
@@ -263,7 +263,7 @@ def _determinants(s, x0, x3, x6, x9, y2, y7, u1, u4, u5, u8, dxx_dyy, dxy_dxy, o
         out[place + j] = dxx * dxx_dyy * dyy - dxy * dxy_dxy * dxy
 
 
-@njit(cache=True, nogil=True)
+@part
 def _raise_to_neighbours(ring, layers, width, highest):  # type: ignore[no-untyped-def]
     """Largest of the 3×3 neighbours in each layer, for the middle row; undefined at the first and last column."""
     spare = layers * width
@@ -273,13 +273,13 @@ def _raise_to_neighbours(ring, layers, width, highest):  # type: ignore[no-untyp
         _max3(highest, U(spare), U(spare + 1), U(spare + 2), highest, U(m * width + 1), U(width - 2))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _max3(values, a, b, c, out, place, n):  # type: ignore[no-untyped-def]
     for j in range(n):
         out[place + j] = max(max(values[a + j], values[b + j]), values[c + j])
 
 
-@njit(cache=True, nogil=True)
+@part
 def _flag_row(ring, highest, block, index, i, threshold, width, flags):  # type: ignore[no-untyped-def]
     """Mark the candidates of a layer's grid row i; returns the first grid column and the number of columns searched."""
     margin = 8 + 3 * index
@@ -305,7 +305,7 @@ def _flag_row(ring, highest, block, index, i, threshold, width, flags):  # type:
     return first, n
 
 
-@njit(cache=True, nogil=True)
+@part
 def _flag_peaks(values, v, highest, below, here, above, loose, slack, flags, n):  # type: ignore[no-untyped-def]
     """Mark the values over the threshold that no neighbour clearly exceeds."""
     for j in range(n):
@@ -314,7 +314,7 @@ def _flag_peaks(values, v, highest, below, here, above, loose, slack, flags, n):
         flags[j] = (value > loose) & (value + value * _SLACK + slack >= rival)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _cut_cube(ring, block, index, i, j, width, cube):  # type: ignore[no-untyped-def]
     """Copy the 3×3×3 neighbourhood of a candidate, as far as the ring holds its layers."""
     for s in range(3):
@@ -326,7 +326,7 @@ def _cut_cube(ring, block, index, i, j, width, cube):  # type: ignore[no-untyped
                     cube[s, di, dj] = ring[U(row + dj)]
 
 
-@njit(cache=True, nogil=True)
+@part
 def _settle(sums, stride, mask, threshold, block, index, i, j, cube, records, count):  # type: ignore[no-untyped-def]
     """Write a candidate into records[count], if it is a maximum in OpenCV's arithmetic; returns the new count."""
     octave = block.octave
@@ -353,7 +353,7 @@ def _settle(sums, stride, mask, threshold, block, index, i, j, cube, records, co
     return count + ok
 
 
-@njit(cache=True, nogil=True)
+@part
 def _is_maximum(sums, stride, block, index, i, j, cube, doubt):  # type: ignore[no-untyped-def]
     """Whether the middle of the cube exceeds its 26 neighbours; fills in layers that the ring does not hold.
 
@@ -365,16 +365,16 @@ def _is_maximum(sums, stride, block, index, i, j, cube, doubt):  # type: ignore[
             corner = ((i - 4 - 3 * outer) * stride + j - 4 - 3 * outer) << block.octave
             if quick_response(sums, stride, corner, (9 + 6 * outer) << block.octave) > response + doubt:
                 return False
-            fill_layer(sums, stride, block.octave, outer, i, j, False, cube[outer - index + 1])
+            fill_layer(sums, stride, block.octave, outer, i, j, np.bool_(False), cube[outer - index + 1])
     rival = strongest_neighbour(cube)
     if response - doubt <= rival <= response + doubt:
         for s in range(3):
-            fill_layer(sums, stride, block.octave, index + s - 1, i, j, True, cube[s])
+            fill_layer(sums, stride, block.octave, index + s - 1, i, j, np.bool_(True), cube[s])
         rival = strongest_neighbour(cube)
     return response > rival
 
 
-@njit(cache=True, nogil=True)
+@part
 def _grown(records):  # type: ignore[no-untyped-def]
     """Copy with twice the room."""
     more = np.empty((2 * len(records), records.shape[1]), dtype=records.dtype)

@@ -1,8 +1,8 @@
 """Kernel for SURF's orientation: the strongest 60° window of Haar responses around a key point."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from peaksim.kernel import kernel, part
 
 from peakmark.parallel import bands, map_parallel, thread_count
 
@@ -58,14 +58,14 @@ def measure_angles(
     angles = np.empty(len(size), dtype=np.float32)
 
     def measure(cut: tuple[int, int]) -> None:
-        part = slice(*cut)
-        _measure_angles(integral, shape, xy[part], size[part], _OFFSETS, _WEIGHTS, angles[part])
+        rows = slice(*cut)
+        _measure_angles(integral, shape, xy[rows], size[rows], _OFFSETS, _WEIGHTS, angles[rows])
 
     map_parallel(measure, bands(len(size), 4 * thread_count()))
     return angles
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _measure_angles(integral, shape, xy, size, offsets, weights, angles):  # type: ignore[no-untyped-def]
     samples = len(weights)
     sums = integral.reshape(-1)
@@ -80,7 +80,7 @@ def _measure_angles(integral, shape, xy, size, offsets, weights, angles):  # typ
     for k in range(len(size)):
         s = size[k] * np.float32(1.2) / np.float32(9.0)
         half = np.int64(np.rint(np.float32(2.0) * s))
-        _place_lines(xy[k, 0], s, half, shape[1], 1, places[0])
+        _place_lines(xy[k, 0], s, half, shape[1], np.int64(1), places[0])
         _place_lines(xy[k, 1], s, half, shape[0], integral.shape[1], places[1])
         count = _place_samples(places, offsets, weights, corners, kept)
         if count == 0:
@@ -93,7 +93,7 @@ def _measure_angles(integral, shape, xy, size, offsets, weights, angles):  # typ
         angles[k] = fast_atan2(-sum_y, sum_x)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _place_lines(center, s, half, length, stride, places):  # type: ignore[no-untyped-def]
     """First row or column, times the stride, of the Haar filters on each line of samples; −1 outside the image."""
     reach = np.float32(2 * half - 1) / np.float32(2.0)
@@ -102,7 +102,7 @@ def _place_lines(center, s, half, length, stride, places):  # type: ignore[no-un
         places[k] = first * stride if 0 <= first <= length - 2 * half else -1
 
 
-@njit(cache=True, nogil=True)
+@part
 def _place_samples(places, offsets, weights, corners, kept):  # type: ignore[no-untyped-def]
     """Flat places of the top-left corners of the Haar filters inside the image, and their weights; their number."""
     count = 0
@@ -114,7 +114,7 @@ def _place_samples(places, offsets, weights, corners, kept):  # type: ignore[no-
     return count
 
 
-@njit(cache=True, nogil=True)
+@part
 def _sum_boxes(sums, corners, count, half, half_rows, boxes):  # type: ignore[no-untyped-def]
     """Sums of the west, east, north and south halves of the Haar filters, one after the other."""
     for k in range(count):
@@ -130,7 +130,7 @@ def _sum_boxes(sums, corners, count, half, half_rows, boxes):  # type: ignore[no
         boxes[U(k + 3 * count)] = np.int32((b2 - b0) - (m2 - m0))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _haar_responses(boxes, weights, count, mean, dx, dy, degrees):  # type: ignore[no-untyped-def]
     """Weighted Haar responses and their direction in whole degrees 0…359, each box mean rounded as OpenCV's."""
     east, north = count, count + count
@@ -143,7 +143,7 @@ def _haar_responses(boxes, weights, count, mean, dx, dy, degrees):  # type: igno
         degrees[k] = degree if degree < np.int32(360) else np.int32(0)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _bin_directions(degrees, dx, dy, count, work):  # type: ignore[no-untyped-def]
     """Sum the vectors by direction: x and y of the exact multiples of 5°, then x and y of the whole groups of 5°.
 
@@ -156,14 +156,13 @@ def _bin_directions(degrees, dx, dy, count, work):  # type: ignore[no-untyped-de
         place = U(group + 6 + 2 * _TURN * rest)
         work[place] += dx[k]
         work[place + U(_TURN)] += dy[k]
-    for part in range(4):
-        first = part * _TURN
+    for first in range(0, 4 * _TURN, _TURN):
         for k in range(6):
             work[first + k] = work[first + _GROUPS + k]
             work[first + _GROUPS + 6 + k] = work[first + 6 + k]
 
 
-@njit(cache=True, nogil=True)
+@part
 def _strongest_window(degrees, dx, dy, count, work, lengths):  # type: ignore[no-untyped-def]
     """Sum of the vectors in the 60° window, tried every 5°, where that sum is longest.
 
@@ -185,7 +184,7 @@ def _strongest_window(degrees, dx, dy, count, work, lengths):  # type: ignore[no
     return best_x, best_y
 
 
-@njit(cache=True, nogil=True)
+@part
 def _add_window_lengths(work, exact, lengths):  # type: ignore[no-untyped-def]
     """Add the squared sum over each window: twelve groups from six early on, without the first exact multiple of 5°."""
     rest, pairs = exact + U(2 * _TURN), U(4 * _TURN)
@@ -200,7 +199,7 @@ def _add_window_lengths(work, exact, lengths):  # type: ignore[no-untyped-def]
         lengths[k] += total * total
 
 
-@njit(cache=True, nogil=True)
+@part
 def _sum_window(degrees, dx, dy, count, center):  # type: ignore[no-untyped-def]
     """Sum of the vectors less than 30° from the centre, in order."""
     sum_x = sum_y = np.float32(0.0)
@@ -212,7 +211,7 @@ def _sum_window(degrees, dx, dy, count, center):  # type: ignore[no-untyped-def]
     return sum_x, sum_y
 
 
-@njit(cache=True, nogil=True)
+@part
 def fast_atan2(y, x):  # type: ignore[no-untyped-def]
     """Angle of (x, y) in degrees, 0…360: OpenCV's polynomial of order 7, good to 0.01°."""
     p1, p3 = np.float32(57.283627), np.float32(-18.667446)

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from peaksim.kernel import contracting_part, kernel, part
 
 from peakmark.integral import padded_length
 from peakmark.parallel import bands, map_parallel, thread_count
@@ -38,13 +38,13 @@ class Buffers(NamedTuple):
     """The patch, column by column."""
 
 
-@njit(cache=True, nogil=True)
+@part
 def pitch_of(side):  # type: ignore[no-untyped-def]
     """Distance of the rows of a window in memory: its side rounded up to whole vectors."""
     return (side + 15) // 16 * 16
 
 
-@njit(cache=True, nogil=True)
+@part
 def make_buffers(largest_side):  # type: ignore[no-untyped-def]
     """Buffers for windows up to this side, px."""
     pitch = pitch_of(max(largest_side, PATCH_SIDE))
@@ -70,7 +70,7 @@ def interleave_rows(gray: NDArray[np.uint8]) -> NDArray[np.uint16]:
     return pairs
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _interleave_rows(gray, pairs, first, end):  # type: ignore[no-untyped-def]
     for y in range(first, end):
         upper, lower, row = gray[y], gray[min(y + 1, len(gray) - 1)], pairs[y]
@@ -79,7 +79,7 @@ def _interleave_rows(gray, pairs, first, end):  # type: ignore[no-untyped-def]
         row[upper.size] = 0
 
 
-@njit(cache=True, nogil=True)
+@part
 def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):  # type: ignore[no-untyped-def]
     """Sample a window turned by the angle: bilinear and rounded to 8 bits; outside the image the nearest pixel.
 
@@ -97,7 +97,7 @@ def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):  # type
     span = np.float32(side) * (abs(sine) + abs(cosine)) * np.float32(0.5) + np.float32(2.0)
     left = min(max(np.int64(np.floor(x - span)), -np.int64(2 * span)), shape[1]) // 2 * 2
     top = min(max(np.int64(np.floor(y - span)), -np.int64(2 * span)), shape[0]) // 2 * 2
-    inside = left >= 0 and top >= 0 and x + span < shape[1] and y + span < shape[0]
+    inside = lies_inside(x, y, sine, cosine, side, shape)
     starts, quads, window = buffers.starts, buffers.quads, buffers.window
     _start_rows(x, y, sine, cosine, left, top, side, starts)
     borders = (np.float32(-left), np.float32(-top), np.float32(shape[1] - 1 - left), np.float32(shape[0] - 1 - top))
@@ -117,7 +117,15 @@ def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):  # type
             _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, window)
 
 
-@njit(cache=True, nogil=True)
+@part
+def lies_inside(x, y, sine, cosine, side, shape):  # type: ignore[no-untyped-def]
+    """Whether a turned window, with the lanes that fill its rows up to the pitch, stays two pixels inside the image."""
+    reach = np.float32(pitch_of(side)) - np.float32(side) * np.float32(0.5)
+    span = reach * (abs(sine) + abs(cosine)) + np.float32(2.0)
+    return x - span >= 0 and y - span >= 0 and x + span < shape[1] and y + span < shape[0]
+
+
+@part
 def _start_rows(x, y, sine, cosine, left, top, side, starts):  # type: ignore[no-untyped-def]
     """First sample of each row, relative to (left, top); OpenCV steps from row to row in single precision."""
     reach = -np.float32(side - 1) / np.float32(2.0)
@@ -130,7 +138,7 @@ def _start_rows(x, y, sine, cosine, left, top, side, starts):  # type: ignore[no
         start_y += cosine
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@contracting_part
 def _place_samples(starts, first, end, side, sine, cosine, stride, places):  # type: ignore[no-untyped-def]
     """Place in the image of the upper left pixel of each sample, relative to the start's origin."""
     pitch = U(pitch_of(side))
@@ -143,7 +151,7 @@ def _place_samples(starts, first, end, side, sine, cosine, stride, places):  # t
             places[row + j] = np.int32(line * stride + column)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@contracting_part
 def _place_border_samples(starts, first, end, side, sine, cosine, stride, borders, places):  # type: ignore[no-untyped-def]
     """`_place_samples` where the window may leave the image: samples without four pixels take the nearest."""
     first_x, first_y, last_x, last_y = borders
@@ -161,7 +169,7 @@ def _place_border_samples(starts, first, end, side, sine, cosine, stride, border
             places[row + j] = np.int32(np.int32(line) * stride + np.int32(column))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _load_quads(pairs, base, quads, n):  # type: ignore[no-untyped-def]
     """Replace places by pixels: upper left, lower left, upper right, lower right, from the lowest byte on."""
     one, sixteen = U(1), np.uint32(16)
@@ -170,7 +178,7 @@ def _load_quads(pairs, base, quads, n):  # type: ignore[no-untyped-def]
         quads[j] = np.int32(np.uint32(pairs[at]) | (np.uint32(pairs[at + one]) << sixteen))
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@contracting_part
 def _interpolate(starts, first, end, side, sine, cosine, quads, window):  # type: ignore[no-untyped-def]
     """Bilinear interpolation of the samples in their quads."""
     pitch = U(pitch_of(side))
@@ -185,7 +193,7 @@ def _interpolate(starts, first, end, side, sine, cosine, quads, window):  # type
             window[target + j] = _bilinear(np.uint32(quads[row + j]), x_share, y_share)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@contracting_part
 def _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, window):  # type: ignore[no-untyped-def]
     """`_interpolate` where the window may leave the image."""
     first_x, first_y, last_x, last_y = borders
@@ -204,7 +212,7 @@ def _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, 
             window[target + j] = _bilinear(np.uint32(quads[row + j]), x_share, y_share)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@contracting_part
 def _bilinear(quad, x_share, y_share):  # type: ignore[no-untyped-def]
     byte = np.uint32(255)
     upper_left = np.float32(np.int32(quad & byte))
@@ -216,7 +224,7 @@ def _bilinear(quad, x_share, y_share):  # type: ignore[no-untyped-def]
     return np.uint8(np.int32(np.rint(upper + y_share * (lower - upper))))
 
 
-@njit(cache=True, nogil=True)
+@part
 def sample_upright(pairs, stride, shape, x, y, side, buffers):  # type: ignore[no-untyped-def]
     """Copy a window turned by 270°, whole pixels, rows running up the image; outside the image the nearest pixel."""
     reach = -np.float32(side - 1) / np.float32(2.0)
@@ -230,7 +238,7 @@ def sample_upright(pairs, stride, shape, x, y, side, buffers):  # type: ignore[n
             buffers.window[U(i * pitch + j)] = np.uint8(pairs[U(row + column)] & np.uint16(255))
 
 
-@njit(cache=True, nogil=True)
+@part
 def average_areas(side, lanes, buffers):  # type: ignore[no-untyped-def]
     """Average the window by area onto the patch, rounded to 8 bits: OpenCV's INTER_AREA.
 
@@ -254,7 +262,7 @@ def average_areas(side, lanes, buffers):  # type: ignore[no-untyped-def]
             _round(patch, U(j * PATCH_PITCH), one_by_area, lanes)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _average_rows(window, side, rows, columns):  # type: ignore[no-untyped-def]
     """Weighted sums of the window's rows, one for each row of the patch; written column by column."""
     pitch = U(pitch_of(side))
@@ -268,7 +276,7 @@ def _average_rows(window, side, rows, columns):  # type: ignore[no-untyped-def]
             columns[x * U(PATCH_PITCH) + U(i)] = rows[x]
 
 
-@njit(cache=True, nogil=True)
+@part
 def _average_columns(columns, side, lanes, patch):  # type: ignore[no-untyped-def]
     """Weighted sums of those columns, one for each column of the patch."""
     patch[:] = 0
@@ -279,26 +287,26 @@ def _average_columns(columns, side, lanes, patch):  # type: ignore[no-untyped-de
             _add_row(columns, U(x * PATCH_PITCH), weight, patch, U(j * PATCH_PITCH), lanes)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _add_row(values, source, weight, sums, place, n):  # type: ignore[no-untyped-def]
     for x in range(n):
         sums[place + x] = np.int32(sums[place + x] + weight * np.int32(values[source + x]))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _round_quarters(patch):  # type: ignore[no-untyped-def]
     """Round means of 2×2 pixels, halves up, as OpenCV does in this case."""
     for k in range(patch.size):
         patch[k] = (patch[k] // np.int32(PATCH_SIDE * PATCH_SIDE) + np.int32(2)) >> np.int32(2)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _round(patch, place, one_by_area, n):  # type: ignore[no-untyped-def]
     for i in range(n):
         patch[place + i] = np.int32(np.rint(np.float32(patch[place + i]) * one_by_area))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _has_near_halves(patch, place, one_by_area, n):  # type: ignore[no-untyped-def]
     """Whether an average of a patch column is so close to half a level that its rounding is in doubt."""
     doubts = np.int32(0)
@@ -308,7 +316,7 @@ def _has_near_halves(patch, place, one_by_area, n):  # type: ignore[no-untyped-d
     return doubts > 0
 
 
-@njit(cache=True, nogil=True)
+@part
 def _round_with_care(window, side, j, patch):  # type: ignore[no-untyped-def]
     """Round a patch column, averages near half a level as OpenCV's own sums would be."""
     one_by_area = np.float32(1.0) / np.float32(side * side)
@@ -319,7 +327,7 @@ def _round_with_care(window, side, j, patch):  # type: ignore[no-untyped-def]
         patch[U(j * PATCH_PITCH + i)] = np.int32(np.rint(average))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _average_like_opencv(window, side, i, j):  # type: ignore[no-untyped-def]
     """One patch pixel in single precision, the sums in OpenCV's order."""
     pitch = pitch_of(side)
@@ -335,14 +343,14 @@ def _average_like_opencv(window, side, i, j):  # type: ignore[no-untyped-def]
     return total * (one / np.float32(ratio * ratio)) if whole else total
 
 
-@njit(cache=True, nogil=True)
+@part
 def _share(x, cell, side):  # type: ignore[no-untyped-def]
     """Share of patch cell `cell` that pixel x covers."""
     covered = min((cell + 1) * side, (x + 1) * PATCH_SIDE) - max(cell * side, x * PATCH_SIDE)
     return np.float32(covered / side)
 
 
-@njit(cache=True, nogil=True)
+@part
 def _enlarge(window, side, patch):  # type: ignore[no-untyped-def]
     """OpenCV's INTER_AREA where the window is smaller than the patch: linear between neighbouring pixels."""
     pitch = pitch_of(side)
@@ -357,7 +365,7 @@ def _enlarge(window, side, patch):  # type: ignore[no-untyped-def]
             patch[j * PATCH_PITCH + i] = np.int32(np.rint((1 - b) * upper + b * lower))
 
 
-@njit(cache=True, nogil=True)
+@part
 def _source_of(i, side):  # type: ignore[no-untyped-def]
     """First pixel under patch cell i, and the share of the next."""
     y = i * side // PATCH_SIDE

@@ -37,5 +37,5 @@ def test_marker_pictures_are_what_the_generator_makes() -> None:
 def test_photographs_are_scikit_images_own() -> None:
     from skimage import data
 
-    for name in ("brick", "grass", "gravel"):
+    for name in ("brick", "coins", "grass", "gravel"):
         assert np.array_equal(np.asarray(Image.open(ASSETS / "textures" / f"{name}.png")), getattr(data, name)())

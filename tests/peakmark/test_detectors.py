@@ -5,6 +5,8 @@ import cv2
 import numpy as np
 import pytest
 from helpers import marker_view
+from samples import speckled
+from surf_parity import compare
 
 from peakmark import marker, surf
 from peakmark.detectors import NAMES, find_detector, has_opencv_surf, settings_of
@@ -37,6 +39,17 @@ def test_opencvs_surf_is_there_or_the_message_says_what_to_take():
     else:
         with pytest.raises(InputError, match="built without SURF; surf gives the same"):
             find_detector("surf-opencv")
+
+
+@pytest.mark.skipif(not has_opencv_surf(), reason="this OpenCV was built without SURF")
+@pytest.mark.parametrize(
+    "parameters", [{}, {"extended": True, "upright": True}, {"strongest": 20}, {"mask": speckled(200, 260, 5) > 120}]
+)
+def test_opencvs_surf_takes_our_parameters_and_gives_the_same(parameters):
+    gray = speckled(200, 260, 5)
+    theirs, ours = (find_detector(name)(gray, **parameters) for name in ("surf-opencv", "surf"))
+    parity = compare(theirs, ours)
+    assert parity.theirs == parity.ours == len(parity.pairs) > 10
 
 
 def test_opencvs_sift_is_a_quarter_of_a_pixel_off_as_it_comes():

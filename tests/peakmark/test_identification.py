@@ -6,7 +6,7 @@ import pytest
 from helpers import marker_view
 
 from peakmark.errors import InputError
-from peakmark.identification import Rule, identify
+from peakmark.identification import Detection, Rule, identify
 from peakmark.identification_joint import box_variance, one_each, quotients
 from peakmark.identification_paper import above_drop
 from peakmark.keypoints import Keypoints
@@ -42,8 +42,8 @@ def test_all_markers_and_nothing_else_strongest_first(rule: Rule) -> None:
 def test_the_paper_finds_light_markers_as_those_of_the_negative() -> None:
     picture = floor_with_markers([(80, 90), (330, 300)])
     assert identify(255 - picture, stretch=1.0, polarity="dark", rule="paper") == ()
-    dark = identify(picture, stretch=1.0, rule="paper")
-    light = identify(255 - picture, stretch=1.0, polarity="light", rule="paper")
+    dark = identify(picture, stretch=1.0, rule="paper", refine=False)
+    light = identify(255 - picture, stretch=1.0, polarity="light", rule="paper", refine=False)
     assert len(dark) == 2
     assert np.allclose([d.xy for d in dark], [d.xy for d in light], atol=0.02)
 
@@ -85,6 +85,28 @@ def test_the_joint_rule_refines_centre_and_shape() -> None:
         assert np.allclose(np.linalg.svd(detection.affinity, compute_uv=False), 45, atol=0.5)
         assert detection.explained is not None
         assert detection.explained > 0.99
+
+
+def test_a_lone_marker_on_plain_paper_is_found_at_its_centre() -> None:
+    picture = np.full((301, 401), 255, np.uint8)
+    picture[120:165, 230:275] = surf_marker(45)
+    (found,) = identify(picture, stretch=1.0)
+    assert np.allclose(found.xy, [252, 142], atol=0.02)
+
+
+@both_rules
+def test_refining_can_be_left_out(rule: Rule) -> None:
+    centers = [(80, 90), (330, 100), (140, 300)]
+    picture = floor_with_markers(centers)
+    plain, fine = (identify(picture, stretch=1.0, rule=rule, refine=choice) for choice in (False, True))
+    assert [d.rank for d in plain] == [d.rank for d in fine]
+    assert all(d.affinity is None and d.explained is None for d in plain)
+    assert all(d.affinity is not None for d in fine)
+
+    def worst(found: tuple[Detection, ...]) -> float:
+        return max(min(float(np.hypot(*(d.xy - c))) for c in centers) for d in found)
+
+    assert worst(fine) < 0.05 < worst(plain) < 1
 
 
 @pytest.mark.parametrize("exposure", [0.3, 0.6])

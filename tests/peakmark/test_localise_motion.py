@@ -10,7 +10,7 @@ from peakmark.localise_motion import odometry
 
 
 def follow_poses(frames: list, true: list[Pose]) -> tuple[list[Pose | None], list[Pose]]:
-    found = list(odometry(CAMERA, SIDE_M, [(s.names, s.xy, s.affinity) for s in frames]))
+    found = list(odometry(CAMERA, SIDE_M, [(s.names, s.xy, s.affinity) for s in frames], sigma_px=0.25))
     first = next(k for k, pose in enumerate(found) if pose is not None)
     return found, [found[first] @ invert(true[first]) @ pose for pose in true]
 

@@ -9,7 +9,15 @@ from peaksim.camera import Camera
 from peaksim.pose import invert, look_at, transform
 
 from peakmark.errors import InputError
-from peakmark.localise_pose import Markers, Residuals, expected_shapes, moved, pose_from_points, refine_pose
+from peakmark.localise_pose import (
+    Markers,
+    Residuals,
+    expected_shapes,
+    moved,
+    pose_from_points,
+    refine_pose,
+    refined_sigmas,
+)
 
 WIDE = Camera(1024, 768, 500.0, 520.0, 500.0, 390.0, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0))
 
@@ -63,6 +71,27 @@ def test_shapes_hold_what_centres_on_a_line_leave_open(seed: int) -> None:
     distance, angle = apart(fit.world_from_camera, pose)
     assert distance < 1e-3
     assert angle < 0.05
+
+
+def test_weights_by_size_halve_the_error_of_equal_ones() -> None:
+    rng = np.random.default_rng(3)
+    floor_map = winding_map(rng)
+    pose = pose_at(floor_map, 5)
+    seen = view(CAMERA, pose, floor_map, rng)
+    centers = floor_map.centers_m[seen.names]
+    tangents = np.broadcast_to(SIDE_M * np.eye(3)[:, :2], (len(centers), 3, 2))
+    center_sigma, shape_sigma = refined_sigmas(seen.affinity)
+
+    def errors(weights: tuple[object, object]) -> float:
+        noise, angles = np.random.default_rng(4), []
+        for _ in range(25):
+            xy = seen.xy + center_sigma[:, None] * noise.standard_normal((len(centers), 2))
+            affinity = seen.affinity + shape_sigma[:, None, None] * noise.standard_normal((len(centers), 2, 2))
+            fit = refine_pose(CAMERA, pose, Markers(xy, centers, tangents, affinity, None, *weights))  # type: ignore[arg-type]
+            angles.append(apart(fit.world_from_camera, pose)[1])
+        return float(np.mean(angles))
+
+    assert errors((center_sigma, shape_sigma)) < 0.5 * errors((0.25, 0.25))
 
 
 def test_the_errors_vanish_at_the_true_pose_and_are_in_sigmas() -> None:

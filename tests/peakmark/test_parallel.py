@@ -32,6 +32,26 @@ def test_several_threads_work() -> None:
         assert parallel.map_parallel(lambda _: barrier.wait(timeout=20), range(2)).count(0) == 1
 
 
+def test_tasks_may_have_tasks() -> None:
+    with parallel.threads(2):
+        squares = parallel.map_parallel(lambda n: sum(parallel.map_parallel(lambda x: x * x, range(n))), range(40))
+    assert squares == [sum(x * x for x in range(n)) for n in range(40)]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("bad", [0, 7, 19])
+def test_what_a_task_raises_is_raised(count: int, bad: int) -> None:
+    def work(task: int) -> int:
+        if task == bad:
+            raise IndexError(f"task {task}")
+        return task
+
+    with parallel.threads(count):
+        with pytest.raises(IndexError, match=f"task {bad}"):
+            parallel.map_parallel(work, range(20))
+        assert parallel.map_parallel(abs, range(3)) == [0, 1, 2]
+
+
 def test_the_count_is_the_callers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
     assert parallel.thread_count() == 3

@@ -2,14 +2,21 @@
 
 import numpy as np
 import pytest
+from compiled import callable_part
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from samples import speckled
 
+from peakmark import surf_exact
 from peakmark.integral import integral_image
-from peakmark.surf_exact import exact_derivatives, exact_response, mask_accepts, newton_offset, quick_response
 from peakmark.surf_layers import Layer
 from peakmark.surf_plain import layer_response, newton_step
+
+exact_derivatives = callable_part(surf_exact.exact_derivatives)
+exact_response = callable_part(surf_exact.exact_response)
+quick_response = callable_part(surf_exact.quick_response)
+newton_offset = callable_part(surf_exact.newton_offset)
+mask_accepts = callable_part(surf_exact.mask_accepts)
 
 
 @pytest.mark.parametrize("layer", [Layer(0, 0), Layer(0, 3), Layer(1, 1), Layer(2, 2), Layer(3, 0)], ids=str)

@@ -3,13 +3,16 @@
 import cv2
 import numpy as np
 import pytest
+from compiled import callable_part
 from hypothesis import given
 from hypothesis import strategies as st
 from samples import speckled
 
-from peakmark import surf_plain
+from peakmark import surf_orientation, surf_plain
 from peakmark.integral import integral_image
-from peakmark.surf_orientation import NO_SAMPLE, circle_samples, fast_atan2, gaussian, measure_angles
+from peakmark.surf_orientation import NO_SAMPLE, circle_samples, gaussian, measure_angles
+
+fast_atan2 = callable_part(surf_orientation.fast_atan2)
 
 
 def angles_of(gray: np.ndarray, xy: np.ndarray, size: np.ndarray) -> np.ndarray:

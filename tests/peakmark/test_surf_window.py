@@ -3,22 +3,25 @@
 import cv2
 import numpy as np
 import pytest
+from compiled import callable_part
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from samples import speckled
 
-from peakmark import surf_plain
+from peakmark import surf_plain, surf_window
 from peakmark.parallel import threads
 from peakmark.surf_window import (
     PATCH_PITCH,
     PATCH_SIDE,
-    average_areas,
     interleave_rows,
-    make_buffers,
-    pitch_of,
-    sample_turned,
-    sample_upright,
 )
+
+make_buffers = callable_part(surf_window.make_buffers)
+pitch_of = surf_window.pitch_of.py_func
+sample_turned = callable_part(surf_window.sample_turned)
+sample_upright = callable_part(surf_window.sample_upright)
+average_areas = callable_part(surf_window.average_areas)
+lies_inside = callable_part(surf_window.lies_inside)
 
 GRAY = speckled(90, 120, 2)
 
@@ -96,3 +99,23 @@ def test_averaging_agrees_with_the_plain_operator(side: int, seed: int) -> None:
     np.testing.assert_allclose(shares.sum(axis=1), 1)
     np.testing.assert_allclose(averaged(window), shares @ window @ shares.T, atol=0.501)
     np.testing.assert_allclose(averaged(window), surf_plain.averaged(window.astype(float), PATCH_SIDE), atol=1)
+
+
+@given(
+    x=st.floats(0, 200, width=32),
+    y=st.floats(0, 150, width=32),
+    side=st.integers(1, 70),
+    turn_deg=st.floats(0, 360, width=32),
+)
+def test_every_lane_of_a_window_inside_reads_the_image(x: float, y: float, side: int, turn_deg: float) -> None:
+    sine, cosine = -np.sin(np.radians(turn_deg)), np.cos(np.radians(turn_deg))
+    if lies_inside(*map(np.float32, (x, y, sine, cosine)), side, (150, 200)):
+        row, lane = (np.arange(n)[:, None] - (side - 1) / 2 for n in (side, pitch_of(side)))
+        columns = x + lane.T * cosine + row * sine
+        lines = y - lane.T * sine + row * cosine
+        assert columns.min() >= 1
+        assert lines.min() >= 1
+        assert columns.max() < 198
+        assert lines.max() < 148
+    else:
+        assert min(x, y, 200 - x, 150 - y) < 1.5 * (side + 18)

@@ -1,5 +1,6 @@
 """Rides: speeds, stops, height and pitch are what was asked for."""
 
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from peaksim import load_scene
+from peaksim import Camera, camera_named, load_scene
 from peaksim.errors import SceneError
 from peaksim.scene_build import path_poses
 from peaksim.scene_file import texture_variants
@@ -90,9 +90,29 @@ def test_wallpaper_is_mirrored_at_its_seams(scene_file: Path) -> None:
     assert np.array_equal(floor[:, :512], floor[:, 512:][:, ::-1])
 
 
+def test_a_camera_is_described_in_pixels_in_millimetres_or_by_name(scene_file: Path) -> None:
+    pixels = "width = 64\nheight = 48\nfx = 50.0"
+    by_mm = "width = 64\nheight = 48\nfocal_mm = 5.0\nsensor_width_mm = 6.4\nrow_time_s = 1e-5\nexposure_s = 0.01"
+    for text, expected in (
+        (pixels, Camera(64, 48, 50.0, 50.0, 31.5, 23.5)),
+        (by_mm, Camera(64, 48, 50.0, 50.0, 31.5, 23.5, row_time_s=1e-5, exposure_s=0.01)),
+        (pixels + '\nmodel = "fisheye"\ndistortion = [0.01, 0.0, 0.0, 0.0]',
+         Camera(64, 48, 50.0, 50.0, 31.5, 23.5, (0.01, 0.0, 0.0, 0.0), model="fisheye")),
+        ('name = "sony-dsc-s85"\nfocal_mm = 21.0', camera_named("sony-dsc-s85", 21.0)),
+    ):  # fmt: skip
+        scene_file.write_text(SMALL.replace(pixels, text))
+        assert load_scene(scene_file).camera == expected
+
+
 BAD = [
     ("width = 64", "widht = 64", r"camera\.widht: unknown field \(did you mean 'width'\?\)"),
-    ("width = 64\n", "", r"camera\.width: missing field"),
+    ("width = 64\n", "", r"camera: expected width and height with either fx, or focal_mm"),
+    ("fx = 50.0", "focal_mm = 5.0", r"camera: expected width and height with either fx, or focal_mm"),
+    ("fx = 50.0", 'name = "sony-dsc-s85"', r"camera: expected only focal_mm beside name, got height, width"),
+    ("width = 64\nheight = 48\nfx = 50.0", 'name = "box"', r"camera: name: expected one of panasonic.*got 'box'"),
+    ("fx = 50.0", "fx = 50.0\nrow_time_s = -1.0", r"camera\.row_time_s: .*greater than or equal to 0"),
+    ("fx = 50.0", 'fx = 50.0\nmodel = "fish"', r"camera\.model"),
+    ("fx = 50.0", "fx = 50.0\ndistortion = [0.1]", r"distortion: expected one of"),
     ("width = 64", "width = 64.5", r"camera\.width: .*integer.*got 64\.5"),
     ("width = 64", "width = 0", r"camera\.width: .*greater than or equal to 1, got 0"),
     ("fx = 50.0", "fx = nan", r"camera\.fx: .*finite.*got nan"),

@@ -1,7 +1,10 @@
 """Labelled key points of rendered rooms: what the classifier is trained and judged on."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +13,13 @@ from peaksim.rendering import render
 from peaksim.sensor import apply_sensor
 
 from peakmark.classification import evidence
-from peakmark.experiments.cave_rooms import CAMERAS, Split, photographs, random_room, random_sensor, random_view
+from peakmark.errors import InputError
+from peakmark.experiments.cave_rooms import CAMERAS, Room, Split, photographs, random_room, random_sensor, random_view
 from peakmark.gray import as_gray
 from peakmark.identification_both import features_of
 from peakmark.keypoints import Keypoints
 from peakmark.score import FULLY_IN_VIEW
+from peakmark.score_both import is_wanted
 
 SMALLEST_PX = 16.0
 """Side from which a marker is learnt; smaller ones, and hidden ones, are left out of the samples."""
@@ -43,30 +48,64 @@ class Samples:
     tilt_deg: NDArray[np.float64]
     """(n,) true tilt of the marker, nan for clutter."""
     unseen: int
-    """Markers in view that have no key point at their centre."""
+    """Markers in view, ≥ 20 px and tilted to 45°, that have no key point at their centre."""
+    views: int
+    """Pictures that they come from."""
 
 
-def views(split: Split, rooms: Sequence[int], views_per_room: int, seed: int) -> Iterator[tuple[int, Frame]]:
-    """Yield (room, frame) of random rooms, each seen by random cameras from 0.5–4 m at tilts to 50°."""
-    photos = photographs(split)
-    for number in rooms:
-        rng = np.random.default_rng((seed, number))
-        room = random_room(rng, photos)
-        for _ in range(views_per_room):
-            camera = CAMERAS[split][int(rng.integers(len(CAMERAS[split])))]
-            pose = random_view(rng, room, rng.uniform(0.5, 4), rng.uniform(0, 50))
-            if pose is not None:
-                frame = render(room.scene, camera, pose, renderer="exact")
-                yield number, apply_sensor(frame, random_sensor(rng, split), rng)
+STEEPEST_SEEN_DEG = 50.0
+"""Largest tilt of the array that a camera looks at; other walls are seen at any."""
+
+
+def room_and_frames(
+    split: Split, number: int, count: int, seed: int, steepest_deg: float = STEEPEST_SEEN_DEG
+) -> tuple[Room, Iterator[Frame]]:
+    """Return a random room and the frames, rendered one by one, of random cameras at 0.5–4 m and any roll."""
+    rng = np.random.default_rng((seed, number))
+    room = random_room(rng, photographs(split))
+    return room, _frames(rng, room, split, count, steepest_deg)
+
+
+def _frames(rng: np.random.Generator, room: Room, split: Split, count: int, steepest_deg: float) -> Iterator[Frame]:
+    for _ in range(count):
+        camera = CAMERAS[split][int(rng.integers(len(CAMERAS[split])))]
+        pose = random_view(rng, room, rng.uniform(0.5, 4), rng.uniform(0, steepest_deg))
+        if pose is not None:
+            frame = render(room.scene, camera, pose, renderer="exact")
+            yield apply_sensor(frame, random_sensor(rng, split), rng)
 
 
 def collect(split: Split, rooms: Sequence[int], views_per_room: int, seed: int) -> Samples:
     """Return the labelled key points of random rooms."""
     parts = []
-    for number, frame in views(split, rooms, views_per_room, seed):
-        gray = as_gray(frame.image)
-        parts.append(label(gray, features_of(gray), frame.truth, number))
+    for number in rooms:
+        _, frames = room_and_frames(split, number, views_per_room, seed)
+        for frame in frames:
+            gray = as_gray(frame.image)
+            parts.append(label(gray, features_of(gray), frame.truth, number))
     return joined(parts)
+
+
+def save_samples(path: Path, samples: Samples) -> None:
+    """Write samples as .npz."""
+    columns: dict[str, Any] = {name: np.asarray(value) for name, value in vars(samples).items()}
+    np.savez_compressed(path, **columns)
+
+
+def load_samples(path: Path) -> Samples:
+    """Read samples that `save_samples` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds something else.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            columns: dict[str, Any] = {field.name: file[field.name] for field in fields(Samples)}
+    except (OSError, KeyError, ValueError, BadZipFile) as error:
+        raise InputError(f"{path}: expected samples as this command writes them: {error!r}") from error
+    return Samples(**{**columns, "unseen": int(columns["unseen"]), "views": int(columns["views"])})
 
 
 def joined(parts: Sequence[Samples]) -> Samples:
@@ -78,6 +117,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
         side_px=np.concatenate([part.side_px for part in parts]),
         tilt_deg=np.concatenate([part.tilt_deg for part in parts]),
         unseen=sum(part.unseen for part in parts),
+        views=sum(part.views for part in parts),
     )
 
 
@@ -93,9 +133,9 @@ def label(gray: NDArray[np.uint8], features: Keypoints, truth: Sequence[MarkerTr
         if marker.visible_fraction < FULLY_IN_VIEW or marker.side_px < SMALLEST_PX:
             continue
         own = np.flatnonzero(gaps <= max(CENTER_TOLERANCE * marker.side_px, CENTER_TOLERANCE_PX))
-        unseen += len(own) == 0
+        unseen += len(own) == 0 and is_wanted(marker)
         is_marker[own[:1]], owner[own[:1]] = True, (marker.side_px, marker.tilt_deg)
     kept = is_marker | ~is_left_out
     rooms = np.full(int(kept.sum()), room, dtype=np.int64)
     side_px, tilt_deg = owner[kept].T
-    return Samples(evidence(gray, features[kept]), is_marker[kept], rooms, side_px, tilt_deg, unseen)
+    return Samples(evidence(gray, features[kept]), is_marker[kept], rooms, side_px, tilt_deg, unseen, 1)

@@ -4,7 +4,7 @@ Frames are independent of each other and come out as plain records, so that an i
 stopped; what needs their order (tracks, poses, motion) is computed from the records (`flight_course`).
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from time import perf_counter
 from typing import Any, get_args
 
@@ -14,7 +14,8 @@ from peaksim.frame import Frame, MarkerTruth
 from peaksim.rendering import Renderer, render
 from peaksim.ride import Ride
 from peaksim.ride_file import load_ride, shortened
-from peaksim.scene_file import Setup
+from peaksim.scene import Scene
+from peaksim.scene_file import Setup, load_scene
 from peaksim.sensor import take
 
 from peakmark import identification
@@ -48,6 +49,8 @@ class FlightConfig:
     """How key points become markers."""
     frames: int | None = None
     """Only so many frames from the start; None takes all."""
+    map: str | None = None
+    """Scene file or name whose markers are the map; None takes the scene that is flown through."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (
@@ -72,21 +75,10 @@ class Flight:
     """(n,) of the frames."""
     stretch: Stretch
     """What `config.stretch` comes to."""
-
-    @property
-    def floor_map(self) -> FloorMap | None:
-        """The scene's markers as a map, if they all lie on one level floor and are of one size; else None."""
-        poses = [quad.world_from_quad for quad in self.setup.scene.quads for _ in quad.marks]
-        sides = {mark.side_m for quad in self.setup.scene.quads for mark in quad.marks}
-        level = {round(float(pose[2, 3]), 6) for pose in poses}
-        if len(level) != 1 or len(sides) != 1 or any(pose[2, 2] < 0.999 for pose in poses):
-            return None
-        return FloorMap(np.array([pose[:3, 3] for pose in poses]), sides.pop())
-
-    @property
-    def marker_names(self) -> list[str]:
-        """Names of the scene's markers, in the order of `floor_map`."""
-        return [mark.name for quad in self.setup.scene.quads for mark in quad.marks]
+    floor_map: FloorMap | None
+    """Of the markers of the scene that `config.map` names, see `map_of`."""
+    marker_names: list[str]
+    """Names of the markers of the map, in its order."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +104,10 @@ def open_flight(config: FlightConfig) -> Flight:
     setup, ride = load_ride(config.trajectory, config.scene, config.texture, config.seed)
     if config.frames is not None:
         ride = shortened(ride, config.frames)
-    return Flight(config, setup, ride, ride.trajectory.frame_times_s(ride.frames_per_second), stretch_of(config, ride))
+    charted = setup.scene if config.map is None else load_scene(config.map).scene
+    names = [mark.name for quad in charted.quads for mark in quad.marks]
+    times_s = ride.trajectory.frame_times_s(ride.frames_per_second)
+    return Flight(config, setup, ride, times_s, stretch_of(config, ride), map_of(charted), names)
 
 
 def stretch_of(config: FlightConfig, ride: Ride) -> Stretch:
@@ -122,28 +117,42 @@ def stretch_of(config: FlightConfig, ride: Ride) -> Stretch:
     return 2.0 if ride.mount is None else floor_stretch(ride.camera, ride.mount.pitch_deg)
 
 
+def map_of(scene: Scene) -> FloorMap | None:
+    """Return a scene's markers as a map, if they all lie on one level floor and are of one size; else None."""
+    poses = [quad.world_from_quad for quad in scene.quads for _ in quad.marks]
+    sides = {mark.side_m for quad in scene.quads for mark in quad.marks}
+    level = {round(float(pose[2, 3]), 6) for pose in poses}
+    if len(level) != 1 or len(sides) != 1 or any(pose[2, 2] < 0.999 for pose in poses):
+        return None
+    return FloorMap(np.array([pose[:3, 3] for pose in poses]), sides.pop())
+
+
 def shoot(flight: Flight, index: int) -> Shot:
     """Render, detect, identify and score one frame; it depends on nothing but the configuration and the index."""
     start = perf_counter()
-    time_s = float(flight.times_s[index])
     frame = photograph(flight, index)
+    return judge(frame, flight.stretch, flight.config.rule, index, perf_counter() - start)
+
+
+def judge(frame: Frame, stretch: Stretch, rule: Rule, index: int, render_s: float) -> Shot:
+    """Detect, identify and score the markers of a frame that took so long to render."""
+    start = perf_counter()
     gray = as_gray(frame.image)
-    rendered = perf_counter()
-    strongest = None if flight.config.rule == "paper" else identification.STRONGEST
-    features = identification.stretched_features(gray, flight.stretch, strongest=strongest)
+    strongest = None if rule == "paper" else identification.STRONGEST
+    features = identification.stretched_features(gray, stretch, strongest=strongest)
     detected = perf_counter()
-    found = identification.examine(gray, features, "dark", flight.config.rule, flight.stretch)
+    found = identification.examine(gray, features, "dark", rule, stretch)
     identified = perf_counter()
     score = score_frame(frame.truth, found.detections, found.features)
     seconds = {
-        "render": rendered - start,
-        "detect": detected - rendered,
+        "render": render_s,
+        "detect": detected - start,
         "identify": identified - detected,
         "score": perf_counter() - identified,
     }
     record = {
         "frame": index,
-        "time_on_path_s": time_s,
+        "time_on_path_s": frame.time_s,
         "renderer": [frame.renderer, frame.gl_renderer],
         "world_from_camera": frame.world_from_camera.tolist(),
         "features": len(found.features),
@@ -156,22 +165,29 @@ def shoot(flight: Flight, index: int) -> Shot:
 
 
 def photograph(flight: Flight, index: int) -> Frame:
-    """Return one frame after the sensor."""
-    from dataclasses import replace
-
-    time_s = float(flight.times_s[index])
-    scene, renderer = flight.setup.scene, flight.config.renderer
-    if renderer == "auto" and not scene.meshes:
-        renderer = "exact"
-    frame = render(scene, flight.ride.camera, flight.ride.trajectory.at(time_s), renderer=renderer, time_s=time_s)
+    """Return one frame after the sensor; its truth is that of mid-exposure."""
+    time_s, scene = float(flight.times_s[index]), flight.setup.scene
+    renderer = quicker(flight.config.renderer, scene)
+    frame = render(scene, flight.ride.camera, flight.ride.trajectory, renderer=renderer, time_s=time_s)
     noise = np.random.default_rng((flight.config.seed, index))
     return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
+
+
+def quicker(renderer: Renderer, scene: Scene) -> Renderer:
+    """Return the exact renderer for "auto" where there is no furniture: it is faster there than OpenGL on a CPU."""
+    return "exact" if renderer == "auto" and not scene.meshes else renderer
 
 
 def _truth_record(truth: MarkerTruth) -> dict[str, Any]:
     record = asdict(truth)
     del record["kind"]
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in record.items()}
+    return {name: _plain(value) for name, value in record.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _detection_record(detection: Detection, found: Identification, score: Score) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from peaksim.camera import Camera
 from peaksim.pose import Pose, invert
 
 from peakmark.errors import InputError
-from peakmark.identification_joint import SIDE_OF_SCALE
+from peakmark.identification import SIDE_OF_SCALE
 from peakmark.localise import FloorMap, Located, locate
 from peakmark.localise_distance import distances_at_height, distances_of_shapes, solid_angles
 from peakmark.localise_motion import odometry

@@ -18,6 +18,7 @@ from peakmark.experiments.flight_summary import BINS, figures, recall_by
 from peakmark.experiments.floor import peak_memory_mb
 from peakmark.experiments.floor_results import write_rows
 from peakmark.film import film
+from peakmark.localise import FEWEST
 from peakmark.overlay import draw_overlay
 from peakmark.results import result_folder, write_json
 
@@ -61,7 +62,8 @@ def _result(flight: Flight, records: Sequence[dict[str, Any]], course: Sequence[
     return {
         **figures(records, course, flight.times_s, flight.ride.camera, flight.stretch, flight.floor_map),
         "recall_by": {quantity: recall_by(records, quantity) for quantity in BINS},
-        "remarks": remarks(flight),
+        "pixels": flight.ride.camera.width * flight.ride.camera.height,
+        "remarks": [*remarks(flight), *surprises(records, course)],
         "renderer": renderer,
         "gl_renderer": gl_renderer,
         "config": asdict(flight.config),
@@ -84,6 +86,21 @@ def remarks(flight: Flight) -> list[str]:
         f"the camera moves up to {step:.2g} m between frames, more than half the markers' spacing of {spacing:.2g} m: "
         "tracks and motion without a map cannot follow"
     ]
+
+
+def surprises(records: Sequence[dict[str, Any]], course: Sequence[Step]) -> list[str]:
+    """Return one line for each thing about what was seen that makes figures meaningless."""
+    if not any(record["truth"] for record in records):
+        return ["no marker was in view in any frame"]
+    enough = [step for record, step in zip(records, course, strict=True) if len(record["detections"]) >= FEWEST]
+    wrong = sum(is_wrong(_map_error(r, s)) for r, s in zip(records, course, strict=True))
+    if enough and (all(step.located is None for step in enough) or 2 * wrong > len(enough)):
+        return [f"the map does not fit what is seen: most of {len(enough)} frames with {FEWEST} markers say so"]
+    return []
+
+
+def _map_error(record: dict[str, Any], step: Step) -> tuple[float, float] | None:
+    return pose_error(None if step.located is None else step.located.world_from_camera, true_pose(record))
 
 
 def _write(
@@ -111,8 +128,7 @@ def _write(
 
 def frame_row(record: dict[str, Any], step: Step) -> dict[str, Any]:
     """Return one frame's line of frames.csv."""
-    located = None if step.located is None else step.located.world_from_camera
-    error, drift = pose_error(located, true_pose(record)), pose_error(step.moved, true_pose(record))
+    error, drift = _map_error(record, step), pose_error(step.moved, true_pose(record))
     return {
         **{name: record[name] for name in ("frame", "time_on_path_s", "features")},
         **record["score"],

@@ -99,14 +99,14 @@ def fly(setup: Setup, config: FloorConfig) -> Iterator[View]:
 def look(setup: Setup, config: FloorConfig, index: int, time_s: float) -> View:
     """Render, detect, identify and score one frame."""
     start = perf_counter()
-    pose = setup.trajectory.at(time_s)
-    frame = render(setup.scene, setup.camera, pose, renderer=config.renderer, time_s=time_s)
+    frame = render(setup.scene, setup.camera, setup.trajectory, renderer=config.renderer, time_s=time_s)
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     rendered = perf_counter()
     picture = as_gray(frame.image)
     features = identification.stretched_features(picture, config.stretch)
     detected = perf_counter()
-    found = identification.examine(picture, features, "dark", config.rule, config.stretch)
+    is_plain = config.rule == "paper"  # which knows no refinement
+    found = identification.examine(picture, features, "dark", config.rule, config.stretch, refine=not is_plain)
     score = score_frame(frame.truth, found.detections, found.features)
     times = {"render": rendered - start, "detect": detected - rendered, "identify": perf_counter() - detected}
     return View(index, frame, found, score, times)

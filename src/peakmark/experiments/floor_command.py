@@ -20,7 +20,9 @@ def render_floor(
     out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/floor"),
     renderer: Annotated[str, Option(help="gl (pyrender), exact (planar scenes, no OpenGL) or auto.")] = "auto",
     seed: Annotated[int, Option(help="Seed of the sensor noise.")] = 0,
-    texture: Annotated[str | None, Option(help="Floor photograph: gravel, brick, grass. [default: gravel]")] = None,
+    texture: Annotated[
+        str | None, Option(help="Floor photograph: gravel, brick, grass; in the hall also coins. [default: gravel]")
+    ] = None,
     stretch: Annotated[
         float | None,
         Option(help="Vertical stretch before detection. [default: the paper's 2; on a ride what its pitch implies]"),
@@ -36,6 +38,9 @@ def render_floor(
         str | None,
         Option(help="Fly through: a ride (stroll, bumpy, sharp or a TOML file), or TUM, EuRoC or KITTI poses."),
     ] = None,
+    map: Annotated[
+        str | None, Option(help="Scene whose markers are the map of --trajectory. [default: the one flown through]")
+    ] = None,
     resume: Annotated[
         bool, Option("--resume", help="Keep the finished frames of an interrupted --trajectory.")
     ] = False,
@@ -49,9 +54,8 @@ def render_floor(
     """
     console = Console(stderr=False, quiet=quiet)
     if trajectory is not None:
-        flight = FlightConfig(
-            trajectory, scene, texture, cast(Renderer, renderer), seed, stretch, cast(Rule, rule or "joint"), frames
-        )
+        drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or "joint")
+        flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map)
         _fly(console, flight, out, resume)
     else:
         still = FloorConfig(
@@ -73,7 +77,7 @@ def _render(console: Console, config: FloorConfig, out: Path) -> None:
 
         result = run(config, out, on_step)
     title = f"{config.scene} · {result['renderer']} · seed {config.seed}"
-    _print_table(console, title, ("figure", "value"), result_rows(result))
+    print_table(console, title, ("figure", "value"), result_rows(result))
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
@@ -90,10 +94,11 @@ def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) ->
     for remark in result["remarks"]:
         console.print(f"note: {remark}")
     title = f"{config.trajectory} · {result['renderer']} · seed {config.seed}"
-    _print_table(console, title, ("figure", "value", "low", "high", "of"), result_rows(result))
+    print_table(console, title, ("figure", "value", "low", "high", "of"), result_rows(result))
 
 
-def _print_table(console: Console, title: str, head: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> None:
+def print_table(console: Console, title: str, head: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> None:
+    """Print a table whose first column names the figures of the others."""
     from peakmark.report import cell
 
     table = Table(*head, title=title)

@@ -148,6 +148,16 @@ def test_a_flight_without_markers_in_view_gives_none_not_a_crash(ride: Path, tmp
     assert result["detection"]["recall"]["of"] == 0
     assert result["detection"]["silent_without_markers"]["value"] == 1
     assert result["pose"]["located"]["value"] is None
+    assert result["remarks"] == ["no marker was in view in any frame"]
+
+
+def test_a_map_of_another_place_is_reported(ride: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text(SCENE.replace("[0.25, 1.7], [-0.2, 2.6], [0.1, 3.6]", "[0.9, 1.1], [0.2, 2.2], [-0.9, 2.9]"))
+    result = flight_results.run(FlightConfig(str(ride), frames=2, map=str(other)), tmp_path / "out")
+    assert result["detection"]["recall"]["value"] == 1
+    assert len(result["remarks"]) == 1
+    assert result["remarks"][0].startswith("the map does not fit what is seen")
 
 
 def test_too_fast_a_ride_is_remarked_on(ride: Path, tmp_path: Path) -> None:

@@ -1,0 +1,156 @@
+"""Speed and memory of SURF against OpenCV's and mahotas's: `make bench`.
+
+Every figure is a ratio, their time over ours, of medians of runs that take turns in one process. Ratios are compared
+with `baseline.json`; `--update` writes them there. OpenCV's own SURF takes part where cv2 was built with it.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from itertools import chain
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import cv2
+import numpy as np
+from pictures import Picture, benchmark_pictures
+from rich.console import Console
+from rich.table import Table
+from rivals import ROWS, Job, jobs
+from stages import time_stages
+
+from peakmark.detectors import has_opencv_surf
+from peakmark.parallel import thread_count
+
+BASELINE = Path(__file__).with_name("baseline.json")
+TOLERANCE = 0.15
+"""Ratios that differ by less are the same."""
+TARGETS = {"detect": 6.0, "detect + describe": 5.0, "strongest 200": 14.0}
+"""Least ratio to OpenCV's SURF."""
+Ratios = dict[str, float]
+
+
+def main() -> None:
+    """Measure, print, compare with the baseline."""
+    arguments = parse()
+    console = Console(width=120)
+    cv2.setNumThreads(thread_count())
+    ratios: Ratios = {}
+    for name, gray in benchmark_pictures().items():
+        times = measure(jobs(gray), arguments.seconds)
+        ratios |= {f"{name} | {row} | {library}": value for (row, library), value in ratios_of(times).items()}
+        console.print(speed_table(name, times))
+        console.print(stage_table(name, gray))
+        console.print(memory_line(name, gray))
+    baseline = json.loads(BASELINE.read_text(encoding="utf-8")) if BASELINE.exists() else {}
+    console.print(comparison(ratios, baseline))
+    if arguments.update:
+        BASELINE.write_text(json.dumps(baseline | ratios, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def parse() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=20.0, help="per table row, all libraries together")
+    parser.add_argument("--update", action="store_true", help="write the ratios to the baseline")
+    return parser.parse_args()
+
+
+def measure(every: dict[str, dict[str, Job]], seconds: float) -> dict[str, dict[str, list[float]]]:
+    """Row → library → seconds of each run; the libraries of a row take turns, ours before each of theirs."""
+    return {row: alternate(libraries, seconds) for row, libraries in every.items()}
+
+
+def alternate(libraries: dict[str, Job], seconds: float) -> dict[str, list[float]]:
+    """Run all in turn until the time is up, three times at least, after one run that does not count."""
+    times: dict[str, list[float]] = {library: [] for library in libraries}
+    turns = list(chain.from_iterable(("peakmark", library) for library in libraries if library != "peakmark"))
+    for library in libraries:
+        libraries[library]()
+    end = perf_counter() + seconds
+    while perf_counter() < end or min(map(len, times.values())) < 3:
+        for library in turns:
+            start = perf_counter()
+            libraries[library]()
+            times[library].append(perf_counter() - start)
+    return times
+
+
+def ratios_of(times: dict[str, dict[str, list[float]]]) -> dict[tuple[str, str], float]:
+    """(row, library) → median of its time over the median of ours."""
+    return {
+        (row, library): round(median(runs) / median(libraries["peakmark"]), 2)
+        for row, libraries in times.items()
+        for library, runs in libraries.items()
+        if library != "peakmark"
+    }
+
+
+def speed_table(name: str, times: dict[str, dict[str, list[float]]]) -> Table:
+    """Milliseconds, and how often ours fits into theirs."""
+    libraries = [library for library in times[ROWS[0]] if library != "peakmark"]
+    table = Table(title=f"{name}: median ms, (× ours)", title_justify="left")
+    for column in ("", "peakmark", *libraries, "target"):
+        table.add_column(column, justify="right")
+    ratios = ratios_of(times)
+    for row, runs in times.items():
+        cells = [f"{1e3 * median(runs[library]):.1f} (×{ratios[row, library]:.2f})" for library in libraries]
+        table.add_row(row, f"{1e3 * median(runs['peakmark']):.1f}", *cells, f"×{TARGETS[row]:g} opencv SURF")
+    return table
+
+
+def stage_table(name: str, gray: Picture) -> Table:
+    """Where our time goes, beside what memory bandwidth would allow."""
+    table = Table(title=f"{name}: stages", title_justify="left")
+    for column in ("", "ms", "MB to touch", "ms to copy as many", "×"):
+        table.add_column(column, justify="right")
+    for stage in time_stages(gray, rounds=7):
+        times = stage.ms / stage.copy_ms
+        table.add_row(stage.name, f"{stage.ms:.2f}", f"{stage.megabytes:.1f}", f"{stage.copy_ms:.2f}", f"{times:.1f}")
+    return table
+
+
+def memory_line(name: str, gray: Picture) -> str:
+    """Peak memory of ours and OpenCV's, each in its own process."""
+    libraries = ["peakmark", "opencv"] if has_opencv_surf() else ["peakmark"]
+    peaks = {library: peak_memory(library, gray) for library in libraries}
+    said = [f"{library} {loaded:.0f} MB ({call:.0f} MB of it by the call)" for library, (loaded, call) in peaks.items()]
+    return f"{name}: peak memory above the interpreter and the picture: {', '.join(said)}\n"
+
+
+def peak_memory(library: str, gray: Picture) -> tuple[float, float]:
+    """MB with and without the libraries that were loaded, see `peak_memory.py`."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "picture.npy"
+        np.save(path, gray)
+        script = str(Path(__file__).with_name("peak_memory.py"))
+        run = subprocess.run([sys.executable, script, library, str(path)], capture_output=True, text=True, check=True)
+    loaded, call = map(float, run.stdout.split())
+    return loaded, call
+
+
+def comparison(ratios: Ratios, baseline: Ratios) -> Table:
+    """Each ratio beside the baseline's."""
+    table = Table(title="against the baseline (their time over ours; more is better)", title_justify="left")
+    for column in ("", "now", "baseline", "verdict"):
+        table.add_column(column, justify="right" if column in ("now", "baseline") else "left")
+    for key, now in ratios.items():
+        before = baseline.get(key)
+        table.add_row(key, f"{now:.2f}", "–" if before is None else f"{before:.2f}", verdict(now, before))
+    return table
+
+
+def verdict(now: float, before: float | None) -> str:
+    """Say better, same or worse; new where the baseline has none."""
+    if before is None:
+        return "new"
+    if abs(now / before - 1) <= TOLERANCE:
+        return "same"
+    return "better" if now > before else "worse"
+
+
+if __name__ == "__main__":
+    main()

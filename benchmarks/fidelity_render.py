@@ -1,0 +1,49 @@
+"""Fidelity of both renderers from random poses, against the brute-force integral of the tests: rms, p99.9, seconds.
+
+`PYTHONPATH=tests/peaksim python benchmarks/fidelity_render.py --first 100 --count 30` prints one row a view.
+"""
+
+import argparse
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from area_reference import area_integral
+from peaksim import render_gl
+from peaksim.area_integral import integrate
+from views import random_view
+
+
+def figures(draw: Callable[[], np.ndarray], reference: np.ndarray) -> tuple[float, float, float]:
+    """Return rms and p99.9 in grey levels after rounding, and the seconds of a second drawing."""
+    error = np.abs(np.clip(np.rint(draw()), 0, 255) - reference)
+    start = perf_counter()
+    draw()
+    seconds = perf_counter() - start
+    return float(np.sqrt((error**2).mean())), float(np.quantile(error, 0.999)), seconds
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--first", type=int, default=100)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--samples", type=int, default=64, help="per pixel and axis of the reference")
+    parser.add_argument("--width", type=int, default=160)
+    arguments = parser.parse_args()
+    rows = []
+    for seed in range(arguments.first, arguments.first + arguments.count):
+        view = random_view(seed, arguments.width, arguments.width * 3 // 4)
+        reference = area_integral(view.scene, view.camera, view.pose, arguments.samples)
+        exact = figures(lambda v=view: integrate(v.scene, v.camera, v.pose[None]), reference)
+        gl = figures(lambda v=view: render_gl.integrate(v.scene, v.camera, v.pose), reference)
+        rows.append([*exact, *gl])
+        print(f"{view.name:55s} exact {exact[0]:.2f} {exact[1]:.1f} {exact[2]:.3f}  "
+              f"gl {gl[0]:.2f} {gl[1]:.1f} {gl[2]:.3f}", flush=True)  # fmt: skip
+    for name, table in (("exact", np.array(rows)[:, :3]), ("gl", np.array(rows)[:, 3:])):
+        good = ((table[:, 0] < 0.5) & (table[:, 1] < 3)).sum()
+        print(f"{name}: {good} of {len(table)} within rms 0.5 and p99.9 3; median rms {np.median(table[:, 0]):.2f}, "
+              f"worst {table[:, 0].max():.2f}; worst p99.9 {table[:, 1].max():.1f}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""The cameras of a corpus: few, drawn once, so that each has one calibration file."""
+
+from dataclasses import dataclass
+
+from peaksim.camera import Camera
+from peaksim.corpus.draws import Draws, corpus_draws
+from peaksim.corpus.spec import CameraChoice, CorpusSpec
+from peaksim.corpus.spread import Spread
+from peaksim.errors import SceneError
+
+
+@dataclass(frozen=True)
+class NamedCamera:
+    """A camera, the name of its calibration file, and how often it is taken."""
+
+    name: str
+    camera: Camera
+    weight: float
+
+
+def drawn_cameras(spec: CorpusSpec) -> tuple[NamedCamera, ...]:
+    """Return the cameras of `[[cameras]]`; none if every scene keeps its own.
+
+    Raises
+    ------
+    SceneError
+        If a drawn camera cannot be, such as one whose distortion folds the picture.
+    """
+    draws = corpus_draws(spec.seed)
+    return tuple(
+        NamedCamera(_numbered(choice, i), _drawn_camera(choice, draws, _numbered(choice, i)), choice.weight)
+        for choice in spec.cameras
+        for i in range(choice.count)
+    )
+
+
+def _numbered(choice: CameraChoice, i: int) -> str:
+    return choice.name if choice.count == 1 else f"{choice.name}-{i:03d}"
+
+
+def _drawn_camera(choice: CameraChoice, draws: Draws, name: str) -> Camera:
+    def value(field: str, spread: Spread | None, default: float) -> float:
+        return default if spread is None else draws.value(f"cameras.{name}.{field}", spread)
+
+    fx = value("fx", choice.fx, 0.0)
+    try:
+        return Camera(
+            width=choice.width,
+            height=choice.height,
+            fx=fx,
+            fy=value("fy", choice.fy, fx),
+            cx=value("cx", choice.cx, (choice.width - 1) / 2),
+            cy=value("cy", choice.cy, (choice.height - 1) / 2),
+            distortion=tuple(value(f"distortion{k}", spread, 0.0) for k, spread in enumerate(choice.distortion)),
+            model=choice.model,
+        )
+    except SceneError as error:
+        raise SceneError(f"cameras.{name}: {error}") from error

@@ -1,0 +1,91 @@
+"""Contradictions between a specification and the scenes it names, found before anything is rendered."""
+
+from pathlib import Path
+
+import numpy as np
+
+from peaksim.corpus.coco import MOST_MARKERS
+from peaksim.corpus.plan import MOST_ATTEMPTS, needs_exact, plan_frame, read_scene
+from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
+from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
+from peaksim.errors import SceneError
+from peaksim.scene_build import facing
+from peaksim.scene_file import build_setup
+from peaksim.scene_schema import MarkerTable, RoomTable, SceneTable
+
+_SEQUENCES = 3  # sequences whose first view is drawn before a corpus begins
+
+
+def check_spec(spec: CorpusSpec, folder: Path) -> None:
+    """Refuse a specification that its scenes cannot fulfil.
+
+    Raises
+    ------
+    SceneError
+        One line that names the field, what was expected and what came.
+    """
+    beyond_gl = needs_exact(spec, folder)
+    if spec.renderer == "gl" and beyond_gl:
+        raise SceneError(f'renderer: expected "exact" or "auto" for {beyond_gl}, got "gl"')
+    tables = [read_scene(choice.file, folder) for choice in spec.scenes]
+    known = {name for table, _ in tables for name in table.textures}
+    for name in spec.textures:
+        if name not in known:
+            raise SceneError(f"textures.{name}: expected a texture of the scenes ({', '.join(sorted(known))})")
+    for choice, (table, beside) in zip(spec.scenes, tables, strict=True):
+        try:
+            build_setup(table.model_copy(update={"markers": _probes(table, spec), "marker_paths": ()}), beside)
+            _check_scene(spec, table)
+        except SceneError as error:
+            raise SceneError(f"{choice.file}: {error}") from error
+    for sequence in range(min(spec.sequences, _SEQUENCES)):
+        plan_frame(spec, folder, sequence * spec.sequence_frames, attempts=MOST_ATTEMPTS // 10)
+
+
+def _probes(table: SceneTable, spec: CorpusSpec) -> tuple[MarkerTable, ...]:
+    """Return one of the scene's markers in every kind that can come: building them proves that the kinds exist."""
+    return tuple(m.model_copy(update={"kind": kind, "name": f"probe {kind}"})
+                 for m in all_markers(table)[:1] for kind in spec.markers.kinds)  # fmt: skip
+
+
+def _check_scene(spec: CorpusSpec, table: SceneTable) -> None:
+    markers = all_markers(table)
+    count = len(markers) + len(poster_kinds(table))
+    if count >= MOST_MARKERS:
+        raise SceneError(f"markers: expected fewer than {MOST_MARKERS}, got {count}")
+    if (needed := markers_needed(spec)) > count:
+        raise SceneError(f"views: expected a scene with at least {needed} markers, this one has {count}")
+    for i, view in enumerate(spec.views):
+        if isinstance(view, RandomView) and table.room is not None:
+            _check_eyes(view, table.room, f"views[{i}].eye_m")
+    if (spec.clutter.papers.limits[1] or spec.clutter.boxes.limits[1]) and table.room is None:
+        raise SceneError("clutter: expected a scene with a room to put it in, this one has none")
+    if table.room is not None:
+        for marker in markers:
+            _check_marker(marker, spec.markers, table.room)
+
+
+def _check_eyes(view: RandomView, room: RoomTable, field: str) -> None:
+    """Refuse a box of eyes that has no point in the room."""
+    for axis, spread, low, high in zip("xyz", view.eye_m, room.min_m, room.max_m, strict=True):
+        least, most = spread.limits
+        if most <= low or least >= high:
+            raise SceneError(f"{field}: expected {axis} inside the room {low:g}…{high:g}, got {least:g}…{most:g}")
+
+
+def _check_marker(marker: MarkerTable, spread: MarkerSpread, room: RoomTable) -> None:
+    """Refuse shifts, turns and sizes that can push a marker out of the room: its farthest circle must be inside."""
+    if spread == MarkerSpread(kinds=spread.kinds, keep=spread.keep):
+        return
+    shift = np.sqrt(2) * max(abs(limit) for limit in spread.shift_m.limits)
+    reach = shift + np.sqrt(2) * (marker.side_m / 2 + marker.border_m) * spread.side_factor.limits[1]
+    normal = facing(marker.normal, marker.up, marker.center_m, marker.name)[:3, 2]
+    extent = reach * np.sqrt(1 - np.clip(normal**2, 0, 1))
+    low, high = np.array(marker.center_m) - extent, np.array(marker.center_m) + extent
+    if not ((low >= np.array(room.min_m) - 1e-9) & (high <= np.array(room.max_m) + 1e-9)).all():
+        raise SceneError(f"markers: expected shifts and sizes that keep every marker in the room, "
+                         f"{marker.name!r} can leave it by up to {_outside(low, high, room):.3g} m")  # fmt: skip
+
+
+def _outside(low: np.ndarray, high: np.ndarray, room: RoomTable) -> float:
+    return float(max((np.array(room.min_m) - low).max(), (high - np.array(room.max_m)).max()))

@@ -1,0 +1,150 @@
+"""What decides a corpus's bytes beside its frames' numbers: corpus.json, compared before anything is written."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from peaksim import shipped
+from peaksim.corpus.layout import CONFIGURATION, FORMAT
+from peaksim.corpus.plan import read_scene
+from peaksim.corpus.spec import CorpusSpec, FlightView, spec_from_json, spec_to_json
+from peaksim.corpus.store import Store
+from peaksim.corpus.vary import all_markers, poster_kinds
+from peaksim.errors import InputError
+
+_PACKAGES = ("peakmark", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "pillow", "pyarrow", "PyOpenGL",
+             "scikit-robot-pyrender", "trimesh")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """corpus.json."""
+
+    spec: CorpusSpec
+    """The specification, defaults included."""
+    renderer: str
+    """"exact" or "gl": what "auto" came to."""
+    gl_renderer: str | None
+    """OpenGL's renderer string, None without GL."""
+    kinds: tuple[str, ...]
+    """Every kind of marker that can come, sorted."""
+    inputs: dict[str, str]
+    """Scene, texture, marker and trajectory files by the name that the specification or scene gives them → SHA-256."""
+    versions: dict[str, str]
+    """Package → version."""
+
+    def to_bytes(self) -> bytes:
+        """Return the file's content."""
+        values = {
+            "format": FORMAT,
+            "spec": json.loads(spec_to_json(self.spec)),
+            "renderer": self.renderer,
+            "gl_renderer": self.gl_renderer,
+            "kinds": list(self.kinds),
+            "inputs": self.inputs,
+            "versions": self.versions,
+        }
+        return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def configure(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
+    """Return the configuration of a new corpus; `folder` is where the specification's files are."""
+    scenes = [read_scene(choice.file, folder) for choice in spec.scenes]
+    single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
+    kinds = tuple(sorted(single.union(*(poster_kinds(table) for table, _ in scenes))))
+    files = dict(sorted(_input_files(spec, folder, kinds)))
+    inputs = {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
+    return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions())
+
+
+def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
+    from peaksim.scene_file import find_scene
+
+    for choice in spec.scenes:
+        beside = folder / choice.file
+        yield choice.file, beside if beside.is_file() else find_scene(choice.file)
+        table, scene_folder = read_scene(choice.file, folder)
+        for texture in table.textures.values():
+            for name in [texture.file, *texture.variants.values()]:
+                if name is not None:
+                    picture = scene_folder / name
+                    yield name, picture if picture.is_file() else shipped.ASSETS / name
+    for kind in kinds:
+        yield f"markers/{kind}.png", shipped.ASSETS / "markers" / f"{kind}.png"
+    for view in spec.views:
+        if isinstance(view, FlightView) and view.file is not None:
+            yield view.file, folder / view.file
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that make the bytes; one that is missing is left out."""
+    found = {}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def read_configuration(store: Store) -> Configuration:
+    """Read a corpus's configuration.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is of another format.
+    """
+    try:
+        values = json.loads(store.read(CONFIGURATION))
+        if values["format"] != FORMAT:
+            raise InputError(f"{store.url}: {CONFIGURATION}: expected format {FORMAT!r}, got {values['format']!r}")
+        spec = spec_from_json(json.dumps(values["spec"]))
+        return Configuration(spec, values["renderer"], values["gl_renderer"], tuple(values["kinds"]), values["inputs"],
+                             values["versions"])  # fmt: skip
+    except (ValueError, KeyError, TypeError) as error:
+        if isinstance(error, InputError):
+            raise
+        where = f"{store.url}: {CONFIGURATION}"
+        raise InputError(f"{where}: expected the configuration of a corpus: {error!r:.80}") from error
+
+
+def claim(store: Store, configuration: Configuration) -> None:
+    """Make a folder or bucket this corpus's own, or find that it already is.
+
+    Raises
+    ------
+    InputError
+        If it holds another corpus (with the first field that differs), or other files.
+    """
+    if store.exists(CONFIGURATION):
+        _refuse_difference(store, configuration)
+        return
+    foreign = next(iter(store.names()), None)
+    if foreign is not None:
+        raise InputError(f"{store.url}: expected an empty folder or a corpus, found {foreign!r}")
+    with store.create(CONFIGURATION) as file:
+        file.write(configuration.to_bytes())
+
+
+def _refuse_difference(store: Store, configuration: Configuration) -> None:
+    there = dict(_flat(json.loads(read_configuration(store).to_bytes())))
+    asked = dict(_flat(json.loads(configuration.to_bytes())))
+    for field in [*asked, *(field for field in there if field not in asked)]:
+        if there.get(field) != asked.get(field):
+            raise InputError(f"{store.url}: holds a corpus of another configuration: {field} is "
+                             f"{there.get(field)!r} there and {asked.get(field)!r} here")  # fmt: skip
+
+
+def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield (dotted name, plain value) of nested dicts and lists."""
+    if isinstance(value, dict | list):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, inner in items:
+            yield from _flat(inner, f"{name}.{key}".lstrip("."))
+    else:
+        yield name, value

@@ -1,0 +1,104 @@
+"""Names of the files of a corpus, relative to its folder or bucket, always with slashes; CORPUS.md draws the tree."""
+
+import re
+
+from peaksim.corpus.spec import CorpusSpec, StoreTable
+
+FORMAT = "peakmark-corpus-1"
+"""Version of everything that CORPUS.md says."""
+
+CONFIGURATION = "corpus.json"
+MANIFEST = "manifest.json"
+
+_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]*(/[A-Za-z0-9][A-Za-z0-9 _.-]*)*")
+
+SUFFIXES = {"png": "png", "jpeg": "jpg"}
+
+
+def is_safe(name: str) -> bool:
+    """Return whether a name stays inside the folder: plain characters, no part that starts with a dot."""
+    return _SAFE.fullmatch(name) is not None
+
+
+def frame_key(index: int) -> str:
+    """Return a frame's name, which is also its key in WebDataset shards."""
+    return f"{index:08d}"
+
+
+def shard_key(shard: int) -> str:
+    """Return a shard's name."""
+    return f"{shard:06d}"
+
+
+def picture_name(spec: CorpusSpec, index: int) -> str:
+    """Return the name of a frame's picture."""
+    return f"{_frames_folder(spec.store, index)}{frame_key(index)}.{SUFFIXES[spec.pictures.format]}"
+
+
+def record_name(spec: CorpusSpec, index: int) -> str:
+    """Return the name of a frame's record."""
+    return f"{_frames_folder(spec.store, index)}{frame_key(index)}.json"
+
+
+def _frames_folder(store: StoreTable, index: int) -> str:
+    return frames_folder(index // store.shard_frames)
+
+
+def frames_folder(shard: int) -> str:
+    """Return the folder of a shard's loose files, with a slash at its end."""
+    return f"frames/{shard_key(shard)}/"
+
+
+def shard_name(shard: int) -> str:
+    """Return the name of a WebDataset shard."""
+    return f"shards/{shard_key(shard)}.tar"
+
+
+def records_name(shard: int) -> str:
+    """Return the name of the file with all records of a shard, one a line."""
+    return f"records/{shard_key(shard)}.jsonl"
+
+
+def shard_sums_name(shard: int) -> str:
+    """Return the name of a shard's check sums; the file is written last and says that the shard is complete."""
+    return f"sums/shard-{shard_key(shard)}.sha256"
+
+
+def part_name(part: int, name: str) -> str:
+    """Return the name of one of a part's tables."""
+    return f"tables/{part:06d}/{name}"
+
+
+def part_sums_name(part: int) -> str:
+    """Return the name of a part's check sums, written last."""
+    return f"sums/part-{part:06d}.sha256"
+
+
+def camera_name(camera: str) -> str:
+    """Return the name of a camera's OpenCV calibration."""
+    return f"cameras/{camera}.yaml"
+
+
+# --- which frames are where -----------------------------------------------------------------------------------
+
+
+def shard_count(spec: CorpusSpec) -> int:
+    """Return how many shards there are; the last may be shorter."""
+    return -(-spec.frames // spec.store.shard_frames)
+
+
+def part_count(spec: CorpusSpec) -> int:
+    """Return how many parts there are; the last may be shorter."""
+    return -(-spec.frames // spec.store.part_frames)
+
+
+def shard_frames(spec: CorpusSpec, shard: int) -> range:
+    """Return the indices of a shard's frames."""
+    size = spec.store.shard_frames
+    return range(shard * size, min((shard + 1) * size, spec.frames))
+
+
+def part_shards(spec: CorpusSpec, part: int) -> range:
+    """Return the numbers of a part's shards."""
+    size = spec.store.part_frames // spec.store.shard_frames
+    return range(part * size, min((part + 1) * size, shard_count(spec)))

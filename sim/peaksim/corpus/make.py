@@ -1,0 +1,130 @@
+"""make_corpus: claim the destination, render what is missing, make the tables, write the manifest."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from peaksim.camera import resized
+from peaksim.corpus import layout
+from peaksim.corpus.backends import Backend, in_process
+from peaksim.corpus.calibration import opencv_yaml
+from peaksim.corpus.check_spec import check_spec
+from peaksim.corpus.configuration import Configuration, claim, configure
+from peaksim.corpus.plan import corpus_cameras, needs_exact, plan_frame
+from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
+from peaksim.corpus.store import Store, open_store, write
+from peaksim.corpus.write import Job, write_part, write_shard
+from peaksim.rendering import render
+
+_PROBE_PX = 16  # width of the picture that tells which renderer there is
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a run did."""
+
+    frames: int
+    """In the corpus."""
+    rendered: int
+    """By this run; the others were there."""
+    configuration: Configuration
+    """As corpus.json has it."""
+
+
+def make_corpus(
+    spec: CorpusSpec,
+    folder: Path,
+    dest: str,
+    backend: Backend | None = None,
+    on_frames: Callable[[int], None] = lambda count: None,
+) -> Made:
+    """Make a corpus, or finish one that an earlier run left unfinished; the result is the same, byte for byte.
+
+    Parameters
+    ----------
+    spec
+        What it consists of.
+    folder
+        Where the specification's scenes and trajectories are.
+    dest
+        A folder, made if missing, or an fsspec URL.
+    backend
+        Where frames are rendered: `in_process()`, the default, `processes(n)` or `on_dask(address)`.
+    on_frames
+        Called with the number of frames that are finished, those of earlier runs first.
+
+    Raises
+    ------
+    InputError
+        One line: the specification contradicts itself, the destination holds something else or cannot be written.
+    RendererError
+        If rendering fails, or the machine that goes on has another OpenGL renderer than the one that began.
+    """
+    check_spec(spec, folder)
+    backend = backend or in_process()
+    store = open_store(dest, new=True)
+    with store.alone():
+        configuration = configure(spec, folder, *_probe(spec, folder, backend))
+        claim(store, configuration)
+        rendered = 0
+        if not store.exists(layout.MANIFEST):
+            rendered = _write_shards(store, Job(dest, str(folder)), spec, backend, on_frames)
+            for _ in backend.run(partial(write_part, Job(dest, str(folder))), range(layout.part_count(spec))):
+                pass
+            _finish(store, configuration, folder)
+    return Made(spec.frames, rendered, configuration)
+
+
+def _probe(spec: CorpusSpec, folder: Path, backend: Backend) -> tuple[str, str | None]:
+    """Return which renderer draws all frames: on this machine the workers have its own."""
+    if spec.renderer == "exact" or needs_exact(spec, folder):
+        return "exact", None
+    where = in_process() if backend.is_here else backend
+    found: tuple[str, str | None] = next(iter(where.run(partial(probe, spec_to_json(spec), str(folder)), [0])))
+    return found
+
+
+def probe(spec_json: str, folder: str, frame: int) -> tuple[str, str | None]:
+    """Return renderer and OpenGL's renderer string, found by drawing a frame very small."""
+    plan = plan_frame(spec := spec_from_json(spec_json), Path(folder), frame)
+    small = resized(plan.camera, _PROBE_PX / plan.camera.width)
+    drawn = render(plan.scene, small, plan.world_from_camera, renderer=spec.renderer)
+    return drawn.renderer, drawn.gl_renderer
+
+
+def _write_shards(store: Store, job: Job, spec: CorpusSpec, backend: Backend, on_frames: Callable[[int], None]) -> int:
+    """Write the shards that are missing; return how many frames were rendered."""
+    done = set(store.names("sums/"))
+    shards = range(layout.shard_count(spec))
+    missing = [shard for shard in shards if layout.shard_sums_name(shard) not in done]
+    on_frames(spec.frames - sum(len(layout.shard_frames(spec, shard)) for shard in missing))
+    rendered = 0
+    for shard, new in backend.run(partial(write_shard, job), missing):
+        rendered += new
+        on_frames(len(layout.shard_frames(spec, shard)))
+    return rendered
+
+
+def _finish(store: Store, configuration: Configuration, folder: Path) -> None:
+    """Write calibrations and the manifest, which says that the corpus is complete."""
+    spec = configuration.spec
+    names = [layout.CONFIGURATION]
+    for camera in corpus_cameras(spec, folder):
+        names.append(layout.camera_name(camera.name))
+        write(store, names[-1], opencv_yaml(camera.camera, camera.name).encode())
+    names += [layout.part_sums_name(part) for part in range(layout.part_count(spec))]
+    manifest: dict[str, Any] = {
+        "format": layout.FORMAT,
+        "name": spec.name,
+        "frames": spec.frames,
+        "seed": spec.seed,
+        "renderer": configuration.renderer,
+        "gl_renderer": configuration.gl_renderer,
+        "versions": configuration.versions,
+        "sha256": {name: sha256(store.read(name)).hexdigest() for name in names},
+    }
+    write(store, layout.MANIFEST, (json.dumps(manifest, indent=2, ensure_ascii=False) + "\n").encode())

@@ -1,0 +1,210 @@
+"""What each frame of a corpus is: pure functions of the specification, the seed and the frame's index.
+
+A *sequence* is a run of `sequence_frames` frames that share a scene, with its textures, markers and clutter, and a
+camera and a kind of view. View, light and sensor are drawn for every frame.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from peaksim.camera import Camera
+from peaksim.corpus.cameras import NamedCamera, drawn_cameras
+from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
+from peaksim.corpus.spec import CorpusSpec, FlightView, LightSpread, SensorSpread, View, sensor_value
+from peaksim.corpus.vary import varied
+from peaksim.corpus.views import is_free, markers_ahead, view_pose
+from peaksim.errors import InputError, SceneError
+from peaksim.pose import Pose
+from peaksim.scene import Light, Scene
+from peaksim.scene_build import camera as camera_of
+from peaksim.scene_file import Setup, build_setup, read_table
+from peaksim.scene_schema import RoomTable, SceneTable
+from peaksim.sensor import Sensor
+from peaksim.trajectory import Trajectory
+from peaksim.trajectory_file import load_trajectory
+
+MOST_ATTEMPTS = 1000
+"""Views drawn for one frame before the specification is called contradictory. `check_spec` allows a tenth, so that a
+specification that passed it fails in no frame of a large corpus."""
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """What the frames of a sequence share, ready to render."""
+
+    number: int
+    """From 0."""
+    scene_file: str
+    """As the specification names it."""
+    setup: Setup
+    """The scene as varied for this sequence, with the file's own camera, trajectory and sensor."""
+    room: RoomTable | None
+    """Which the camera may not leave."""
+    camera: NamedCamera
+    """Which takes the pictures."""
+    view: View
+    """How poses are drawn."""
+    trajectory: Trajectory
+    """What flights follow."""
+
+
+@dataclass(frozen=True)
+class FramePlan:
+    """Everything that decides one frame's bytes."""
+
+    index: int
+    """From 0."""
+    sequence: Sequence
+    """Which it belongs to."""
+    scene: Scene
+    """With this frame's lights."""
+    world_from_camera: Pose
+    """(4, 4)."""
+    time_s: float
+    """On the sequence's trajectory; 0 for still views."""
+    sensor: Sensor
+    """This frame's settings."""
+    seed: int
+    """The corpus's."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that takes it."""
+        return self.sequence.camera.camera
+
+    def noise(self) -> np.random.Generator:
+        """Return the source of this frame's sensor noise."""
+        return np.random.default_rng((self.seed, self.index))
+
+
+def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_ATTEMPTS) -> FramePlan:
+    """Return a frame's plan; `folder` is where the specification's files are.
+
+    Raises
+    ------
+    SceneError
+        One line that names the frame, if nothing fits what the specification asks for.
+    """
+    sequence = open_sequence(spec, folder, index // spec.sequence_frames)
+    try:
+        pose, time_s, draws = _view(spec, sequence, index, attempts)
+    except SceneError as error:
+        raise SceneError(f"frame {index}: {error}") from error
+    return FramePlan(
+        index=index,
+        sequence=sequence,
+        scene=_lit(sequence.setup.scene, spec, draws, sequence.number),
+        world_from_camera=pose,
+        time_s=time_s,
+        sensor=_sensor(sequence.setup.sensor, spec, draws, sequence.number),
+        seed=spec.seed,
+    )
+
+
+def _view(spec: CorpusSpec, sequence: Sequence, index: int, attempts: int) -> tuple[Pose, float, Draws]:
+    """Draw views until one is in the room and sees as many markers as asked for."""
+    setup, view, camera = sequence.setup, sequence.view, sequence.camera.camera
+    position = (index % spec.sequence_frames) / max(1, spec.sequence_frames - 1)
+    room = None if sequence.room is None else (np.array(sequence.room.min_m), np.array(sequence.room.max_m))
+    furniture = () if isinstance(view, FlightView) else setup.scene.meshes  # a flight knows where it may pass
+    for attempt in range(attempts):
+        draws = frame_draws(spec.seed, index, attempt)
+        try:
+            pose, time_s = view_pose(view, setup.scene, camera, sequence.trajectory, position, draws)
+        except SceneError:
+            if attempt == attempts - 1:
+                raise
+            continue
+        if is_free(furniture, room, pose) and markers_ahead(setup.scene, camera, pose) >= view.min_markers:
+            return pose, time_s, draws
+    raise SceneError(f"views: expected a view of kind {view.kind!r} inside the room of {sequence.scene_file!r}, not in "
+                     f"furniture, with {view.min_markers} markers, got none in {attempts} draws")  # fmt: skip
+
+
+def _lit(scene: Scene, spec: CorpusSpec, draws: Draws, sequence: int) -> Scene:
+    if spec.light is None:
+        return scene
+    return replace(scene, lights=_lights(spec.light, _level(spec.light.per, spec, draws, sequence)))
+
+
+def _level(per: str, spec: CorpusSpec, draws: Draws, sequence: int) -> Draws:
+    return draws if per == "frame" else sequence_draws(spec.seed, sequence)
+
+
+def _lights(spread: LightSpread, draws: Draws) -> tuple[Light, ...]:
+    elevation, azimuth = (np.radians(draws.value(f"light.{name}", getattr(spread, name)))
+                          for name in ("elevation_deg", "azimuth_deg"))  # fmt: skip
+    down = (-np.cos(elevation) * np.cos(azimuth), -np.cos(elevation) * np.sin(azimuth), -np.sin(elevation))
+    ambient = Light("ambient", draws.value("light.ambient", spread.ambient))
+    intensity = draws.value("light.directional", spread.directional)
+    if intensity == 0:
+        return (ambient,)
+    x, y, z = (float(part) for part in down)
+    return ambient, Light("directional", intensity, direction=(x, y, z), casts_shadows=spread.shadows)
+
+
+def _sensor(sensor: Sensor, spec: CorpusSpec, draws: Draws, sequence: int) -> Sensor:
+    spread: SensorSpread = spec.sensor
+    level = _level(spread.per, spec, draws, sequence)
+    drawn = {name: sensor_value(name, level.value(f"sensor.{name}", values)) for name, values in spread.spreads.items()}
+    return replace(sensor, **drawn)  # type: ignore[arg-type]
+
+
+# --- sequences ------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=2)
+def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
+    """Draw and build a sequence; the last two are kept, as neighbouring frames share them.
+
+    Raises
+    ------
+    SceneError
+        One line that names the sequence's scene and the field.
+    """
+    draws = sequence_draws(spec.seed, number)
+    choice = draws.index("scene", tuple(scene.weight for scene in spec.scenes))
+    file = spec.scenes[choice].file
+    table, beside = read_scene(file, folder)
+    try:
+        setup = build_setup(varied(table, spec, draws), beside)
+    except InputError as error:
+        raise SceneError(f"{file}: {error}") from error
+    view = spec.views[draws.index("view", tuple(view.weight for view in spec.views))]
+    camera = _camera(spec, folder, draws, choice)
+    return Sequence(number, file, setup, table.room, camera, view, _trajectory(view, setup, folder))
+
+
+def read_scene(file: str, folder: Path) -> tuple[SceneTable, Path]:
+    """Return the tables of a scene: a file beside the specification, or the name of one that ships."""
+    beside = folder / file
+    return read_table(beside if beside.is_file() else file)
+
+
+def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
+    """Return the cameras of a corpus: those of `[[cameras]]`, or else each scene's own."""
+    if spec.cameras:
+        return drawn_cameras(spec)
+    tables = (read_scene(choice.file, folder)[0] for choice in spec.scenes)
+    return tuple(NamedCamera(f"scene-{i:03d}", camera_of(table.camera), 1.0) for i, table in enumerate(tables))
+
+
+def needs_exact(spec: CorpusSpec, folder: Path) -> str:
+    """Return what the "gl" renderer cannot draw of a corpus: "lights", "lens distortion" or nothing."""
+    if spec.light is not None or any(read_scene(choice.file, folder)[0].lights for choice in spec.scenes):
+        return "lights"
+    return "" if all(named.camera.is_pinhole for named in corpus_cameras(spec, folder)) else "lens distortion"
+
+
+def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCamera:
+    cameras = corpus_cameras(spec, folder)
+    return cameras[draws.index("camera", tuple(c.weight for c in cameras)) if spec.cameras else scene]
+
+
+def _trajectory(view: View, setup: Setup, folder: Path) -> Trajectory:
+    if isinstance(view, FlightView) and view.file is not None:
+        return load_trajectory(folder / view.file)
+    return setup.trajectory

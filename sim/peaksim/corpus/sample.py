@@ -1,0 +1,197 @@
+"""One frame of a corpus as bytes: the encoded picture, and the record of everything that is true of it."""
+
+import json
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peaksim.camera import Camera
+from peaksim.corpus.plan import FramePlan
+from peaksim.corpus.spec import PictureTable
+from peaksim.corpus.views import inside
+from peaksim.errors import InputError, RendererError
+from peaksim.frame import Frame, MarkerTruth
+from peaksim.pose import Pose
+from peaksim.rendering import Renderer, render
+from peaksim.scene import Scene, rectangle_m
+from peaksim.sensor import apply_sensor
+
+KEYPOINTS = ("center", "top_left", "top_right", "bottom_right", "bottom_left")
+"""The points of a marker, in the order of every table."""
+
+UNSEEN, COVERED, SEEN = 0, 1, 2
+"""Visibility of a point as COCO counts it: outside the picture, hidden behind something, seen."""
+
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A finished frame."""
+
+    picture: bytes
+    """PNG or JPEG."""
+    record: bytes
+    """One line of JSON; CORPUS.md lists its fields."""
+
+
+def render_frame(plan: FramePlan, renderer: Renderer) -> Frame:
+    """Return a plan's picture, after the sensor, and its truth."""
+    frame = render(plan.scene, plan.camera, plan.world_from_camera, renderer=renderer, time_s=plan.time_s)
+    return apply_sensor(frame, plan.sensor, plan.noise())
+
+
+def make_sample(plan: FramePlan, renderer: Renderer, pictures: PictureTable) -> Sample:
+    """Render a plan and return its bytes."""
+    frame = render_frame(plan, renderer)
+    picture = encode(frame.image, pictures)
+    return Sample(picture, to_line(record_of(plan, frame, picture)))
+
+
+def encode(image: NDArray[np.uint8], pictures: PictureTable) -> bytes:
+    """Return a grey or RGB picture as the bytes of a file."""
+    import cv2
+
+    quick = [cv2.IMWRITE_PNG_COMPRESSION, 1]  # noise does not compress: higher levels cost time and gain little
+    suffix, options = {
+        "png": (".png", quick),
+        "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, pictures.quality]),
+    }[pictures.format]
+    done, content = cv2.imencode(suffix, image if image.ndim == 2 else image[:, :, ::-1], options)
+    if not done:
+        raise RendererError(f"picture: could not be encoded as {pictures.format}")
+    return content.tobytes()
+
+
+def decode(content: bytes, name: str) -> NDArray[np.uint8]:
+    """Return a picture file's bytes as (H, W) grey or (H, W, 3) RGB.
+
+    Raises
+    ------
+    ImageError
+        That names the picture.
+    """
+    from io import BytesIO
+
+    from peaksim.image_file import read_image
+
+    return np.asarray(read_image(BytesIO(content), name), dtype=np.uint8)
+
+
+def to_line(value: Any) -> bytes:
+    """Return plain values as one line of JSON; nan is refused."""
+    return (json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":")) + "\n").encode()
+
+
+def from_line(line: bytes, name: str) -> Record:
+    """Return a record's line as plain values.
+
+    Raises
+    ------
+    InputError
+        That names the file, if the line is not a record.
+    """
+    try:
+        record = json.loads(line)
+    except ValueError as error:
+        raise InputError(f"{name}: expected one line of JSON, got {line[:40]!r}") from error
+    if not isinstance(record, dict):
+        raise InputError(f"{name}: expected the record of a frame, got {line[:40]!r}")
+    return record
+
+
+# --- the record -------------------------------------------------------------------------------------------------
+
+
+def record_of(plan: FramePlan, frame: Frame, picture: bytes) -> Record:
+    """Return everything that is true of a frame, as plain values."""
+    sequence = plan.sequence
+    return {
+        "frame": plan.index,
+        "sequence": sequence.number,
+        "scene": sequence.scene_file,
+        "view": sequence.view.kind,
+        "time_s": plan.time_s,
+        "camera": {"name": sequence.camera.name, **camera_values(plan.camera)},
+        "world_from_camera": _rows(plan.world_from_camera),
+        "lights": [asdict(light) for light in plan.scene.lights],
+        "sensor": asdict(plan.sensor),
+        "renderer": frame.renderer,
+        "gl_renderer": frame.gl_renderer,
+        "picture_sha256": sha256(picture).hexdigest(),
+        "picture_bytes": len(picture),
+        "markers": _marker_values(plan.scene, plan.camera, plan.world_from_camera, frame.truth),
+    }
+
+
+def camera_values(camera: Camera) -> dict[str, Any]:
+    """Return a camera as plain values."""
+    values = asdict(camera)
+    return {**values, "distortion": list(camera.distortion)}
+
+
+def _marker_values(scene: Scene, camera: Camera, pose: Pose, truth: tuple[MarkerTruth, ...]) -> list[dict[str, Any]]:
+    """Return the markers that face the camera with anything visible, or with their centre in the picture."""
+    places = {mark.name: (number, quad, mark) for number, quad in enumerate(scene.quads) for mark in quad.marks}
+    listed = [marker for marker in truth if _is_listed(camera, marker)]
+    world = [_world_points(*places[marker.name][1:]) for marker in listed]
+    owners = [places[marker.name][0] for marker in listed]
+    states = point_states(scene, camera, pose, np.array(world).reshape(-1, 5, 3), owners)
+    return [
+        {
+            "name": marker.name,
+            "kind": marker.kind,
+            "side_m": places[marker.name][2].side_m,
+            "points_xy": [_plain(marker.center_xy), *map(_plain, marker.corners_xy)],
+            "points_seen": [int(state) for state in states[i]],
+            "points_world_m": _rows(world[i]),
+            "side_px": float(marker.side_px),
+            "distance_m": float(marker.distance_m),
+            "tilt_deg": float(marker.tilt_deg),
+            "visible_fraction": float(marker.visible_fraction),
+        }
+        for i, marker in enumerate(listed)
+    ]
+
+
+def _is_listed(camera: Camera, marker: MarkerTruth) -> bool:
+    in_picture = bool(inside(camera, marker.center_xy[None])[0])
+    return marker.visible_fraction > 0 or (in_picture and marker.tilt_deg < 90)
+
+
+def _world_points(quad: Any, mark: Any) -> NDArray[np.float64]:
+    """Return the (5, 3) world points of a marker: centre and corners, metres."""
+    corners = rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m))
+    return np.concatenate([corners.mean(axis=0)[None], corners])
+
+
+def point_states(
+    scene: Scene, camera: Camera, pose: Pose, points_m: NDArray[np.float64], owners: list[int]
+) -> NDArray[np.int64]:
+    """Return (n, 5) states UNSEEN, COVERED or SEEN of (n, 5, 3) world points on the quads of index `owners`.
+
+    Corners are asked a thousandth of the side inside the pattern, where a ray meets their own quad for certain.
+    """
+    from peaksim.pose import invert, transform
+    from peaksim.rays import first_faces, solids_of
+
+    if len(points_m) == 0:
+        return np.zeros((0, 5), dtype=np.int64)
+    xy = camera.project(transform(invert(pose), points_m.reshape(-1, 3)))
+    in_picture = inside(camera, xy)
+    drawn_in = points_m + 1e-3 * (points_m[:, :1] - points_m)
+    first, _ = first_faces(solids_of(scene, quads=True), pose[:3, 3], drawn_in.reshape(-1, 3) - pose[:3, 3])
+    seen = first == np.repeat(owners, points_m.shape[1])
+    return np.where(in_picture, np.where(seen, SEEN, COVERED), UNSEEN).reshape(len(points_m), -1)
+
+
+def _rows(matrix: NDArray[np.float64]) -> list[list[float]]:
+    return [[float(value) for value in row] for row in matrix]
+
+
+def _plain(xy: NDArray[np.float64]) -> list[float | None]:
+    """Return a point as plain numbers, nan (behind the camera) as None."""
+    return [float(value) if np.isfinite(value) else None for value in xy]

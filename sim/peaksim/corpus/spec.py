@@ -1,0 +1,282 @@
+"""What a corpus consists of: the fields of its TOML file, their types, defaults and ranges; CORPUS.md is the manual.
+
+Numbers that vary are spreads (`peaksim.corpus.spread`).
+"""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from peaksim.corpus.spread import Angle, AnySpread, Count, Factor, Length, Level, Share, Spread
+from peaksim.errors import InputError, SceneError
+from peaksim.scene_schema import Name, NotNegative, Positive, Table
+from peaksim.sensor import Sensor
+from peaksim.toml_file import parse_toml, validate
+
+MOST_FRAMES = 10**8
+"""Frame names have eight digits."""
+
+Size = Annotated[int, Field(ge=1, le=20_000)]
+Weight = NotNegative
+
+
+def spread(value: Any) -> Any:
+    """Return a field whose default is a spread."""
+    return Field(default_factory=lambda: Spread.model_validate(value))
+
+
+class PictureTable(Table):
+    """`[pictures]`: how pictures are written."""
+
+    format: Literal["png", "jpeg"] = "png"
+    quality: Annotated[int, Field(ge=1, le=100)] = 95
+
+
+class StoreTable(Table):
+    """`[store]`: which files hold them."""
+
+    files: bool = True
+    shards: bool = True
+    shard_frames: Annotated[int, Field(ge=1, le=10_000)] = 100
+    part_frames: Annotated[int, Field(ge=1, le=1_000_000)] = 10_000
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if not (self.files or self.shards):
+            raise ValueError("expected files or shards or both to be true, got neither")
+        if self.part_frames % self.shard_frames:
+            raise ValueError(f"expected part_frames to be a multiple of shard_frames, "
+                             f"got {self.part_frames} and {self.shard_frames}")  # fmt: skip
+        return self
+
+
+class SceneChoice(Table):
+    """`[[scenes]]`: one scene file of several."""
+
+    file: str
+    weight: Weight = 1.0
+
+
+class CameraChoice(Table):
+    """`[[cameras]]`: one camera, or `count` of them drawn from the spreads."""
+
+    name: Name
+    weight: Weight = 1.0
+    count: Annotated[int, Field(ge=1, le=1000)] = 1
+    width: Size
+    height: Size
+    fx: Spread
+    fy: Spread | None = None
+    cx: Spread | None = None
+    cy: Spread | None = None
+    distortion: tuple[Spread, ...] = ()
+    model: Literal["brown", "fisheye"] = "brown"
+
+
+class RandomView(Table):
+    """`[[views]]` of kind "random": the camera anywhere in a box, looking at any point of another."""
+
+    kind: Literal["random"]
+    weight: Weight = 1.0
+    eye_m: tuple[AnySpread, AnySpread, AnySpread]
+    target_m: tuple[AnySpread, AnySpread, AnySpread]
+    roll_deg: Angle = spread(0)
+    min_markers: Annotated[int, Field(ge=0, le=1000)] = 0
+
+
+class MarkerView(Table):
+    """`[[views]]` of kind "marker": around a marker that is drawn for each frame."""
+
+    kind: Literal["marker"]
+    weight: Weight = 1.0
+    distance_m: Length
+    tilt_deg: Angle = spread((0, 60))
+    azimuth_deg: Angle = spread((0, 360))
+    roll_deg: Angle = spread((-180, 180))
+    off_axis: Share = spread((0, 0.5))
+    min_markers: Annotated[int, Field(ge=0, le=1000)] = 1
+
+    @model_validator(mode="after")
+    def _sees_the_front(self) -> Self:
+        low, high = self.tilt_deg.limits
+        if not 0 <= low <= high < 90:
+            raise ValueError(f"tilt_deg: expected 0…90 without 90, got {low:g}…{high:g}")
+        return self
+
+
+class FlightView(Table):
+    """`[[views]]` of kind "flight": along the scene's trajectory or a file's, in even steps of time."""
+
+    kind: Literal["flight"]
+    weight: Weight = 1.0
+    file: str | None = None
+    shift_m: AnySpread = spread(0)
+    shake_deg: Angle = spread(0)
+    min_markers: Literal[0] = 0
+
+
+View = Annotated[RandomView | MarkerView | FlightView, Field(discriminator="kind")]
+
+
+class MarkerSpread(Table):
+    """`[markers]`: how the scene's markers change from sequence to sequence."""
+
+    kinds: tuple[Name, ...] = ()
+    keep: Share = spread(1)
+    side_factor: Factor = spread(1)
+    shift_m: AnySpread = spread(0)
+    turn_deg: Angle = spread(0)
+
+    @model_validator(mode="after")
+    def _has_size(self) -> Self:
+        if not self.side_factor.limits[0] > 0:
+            raise ValueError(f"side_factor: expected positive numbers, got {self.side_factor.limits[0]:g}")
+        return self
+
+
+class ClutterSpread(Table):
+    """`[clutter]`: things that are no markers, on the room's floor."""
+
+    papers: Count = spread(0)
+    paper_m: Length = spread((0.05, 0.3))
+    boxes: Count = spread(0)
+    box_m: Length = spread((0.1, 0.5))
+    level: Level = spread((60, 200))
+
+
+class TextureSpread(Table):
+    """`[textures.NAME]`: how a scene's texture changes from sequence to sequence; unset fields stay the scene's."""
+
+    variants: tuple[Name, ...] = ()
+    contrast: Factor | None = None
+    mean: Level | None = None
+
+
+class LightSpread(Table):
+    """`[light]`: replaces the scene's lights; the multipliers of `peaksim.scene.Light`."""
+
+    per: Literal["frame", "sequence"] = "frame"
+    ambient: Factor
+    directional: Factor = spread(0)
+    elevation_deg: Angle = spread((30, 90))
+    azimuth_deg: Angle = spread((0, 360))
+    shadows: bool = True
+
+    @model_validator(mode="after")
+    def _from_above(self) -> Self:
+        low, high = self.elevation_deg.limits
+        if not 0 < low <= high <= 90:
+            raise ValueError(f"elevation_deg: expected above 0 up to 90, got {low:g}…{high:g}")
+        return self
+
+
+class SensorSpread(Table):
+    """`[sensor]`: fields of `peaksim.sensor.Sensor`; unset fields stay the scene's."""
+
+    per: Literal["frame", "sequence"] = "frame"
+    lens_blur_px: Spread | None = None
+    defocus_px: Spread | None = None
+    vignetting: Spread | None = None
+    exposure: Spread | None = None
+    full_well_e: Spread | None = None
+    gain: Spread | None = None
+    read_noise: Spread | None = None
+    gamma: Spread | None = None
+    bits: Spread | None = None
+    jpeg_quality: Spread | None = None
+
+    @property
+    def spreads(self) -> dict[str, Spread]:
+        """Field name → spread of those that are set."""
+        return {name: value for name, value in self if isinstance(value, Spread)}
+
+    @model_validator(mode="after")
+    def _in_range(self) -> Self:
+        for name, values in self.spreads.items():
+            if name in ("bits", "jpeg_quality") and not values.is_whole:
+                raise ValueError(f"{name}: expected whole numbers: one, integers = [low, high] or a choice of them")
+            try:
+                for limit in values.limits:
+                    Sensor(**{name: sensor_value(name, limit)})  # type: ignore[arg-type]
+            except SceneError as error:
+                raise ValueError(str(error).removeprefix("sensor.")) from error
+        return self
+
+
+def sensor_value(name: str, value: float) -> int | float:
+    """Return a sensor field's value in the type that `Sensor` takes."""
+    return int(value) if name in ("bits", "jpeg_quality") else value
+
+
+class CorpusSpec(Table):
+    """The whole file."""
+
+    name: Name
+    frames: Annotated[int, Field(ge=1, le=MOST_FRAMES)]
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    sequence_frames: Annotated[int, Field(ge=1, le=MOST_FRAMES)] = 50
+    frames_per_second: Positive = 10.0
+    renderer: Literal["auto", "gl", "exact"] = "auto"
+    pictures: PictureTable = PictureTable()
+    store: StoreTable = StoreTable()
+    scenes: Annotated[tuple[SceneChoice, ...], Field(min_length=1)]
+    cameras: tuple[CameraChoice, ...] = ()
+    views: Annotated[tuple[View, ...], Field(min_length=1)]
+    markers: MarkerSpread = MarkerSpread()
+    clutter: ClutterSpread = ClutterSpread()
+    textures: dict[Name, TextureSpread] = Field(default_factory=dict)
+    light: LightSpread | None = None
+    sensor: SensorSpread = SensorSpread()
+
+    @model_validator(mode="after")
+    def _can_be_drawn(self) -> Self:
+        for field in ("scenes", "cameras", "views"):
+            choices = getattr(self, field)
+            if choices and not sum(choice.weight for choice in choices) > 0:
+                raise ValueError(f"{field}: expected at least one positive weight, got none")
+        names = [camera.name for camera in self.cameras]
+        if len(set(names)) < len(names):
+            raise ValueError(f"cameras: expected different names, got {', '.join(names)}")
+        return self
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.frames, self.seed))
+
+    @property
+    def sequences(self) -> int:
+        """How many sequences there are; the last may be shorter."""
+        return -(-self.frames // self.sequence_frames)
+
+
+def load_spec(path: str | Path, *, seed: int | None = None, frames: int | None = None) -> CorpusSpec:
+    """Read a corpus file; `seed` and `frames` replace the file's.
+
+    Raises
+    ------
+    SceneError
+        One line that names the file, the field, what was expected and what came.
+    """
+    table = parse_toml(Path(path))
+    overrides = {"seed": seed, "frames": frames}
+    table.update({name: value for name, value in overrides.items() if value is not None})
+    return validate(CorpusSpec, table, str(path))
+
+
+def spec_from_json(text: str) -> CorpusSpec:
+    """Read a specification back from `spec_to_json`.
+
+    Raises
+    ------
+    InputError
+        If it is not one.
+    """
+    try:
+        return CorpusSpec.model_validate_json(text)
+    except ValueError as error:
+        raise InputError(f"corpus: expected the specification of a corpus, got {text[:60]!r}") from error
+
+
+def spec_to_json(spec: CorpusSpec) -> str:
+    """Return a specification as one line of JSON, defaults included."""
+    return spec.model_dump_json(exclude_none=True)

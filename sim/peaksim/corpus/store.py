@@ -1,0 +1,80 @@
+"""Where a corpus lies: a folder, or a bucket behind an fsspec URL such as s3://bucket/name.
+
+A file appears under its name whole or not at all: in a folder by writing elsewhere, syncing and renaming; in a
+bucket because an object exists only once its upload is complete.
+"""
+
+import io
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from hashlib import sha256
+from typing import IO, Any, Protocol
+
+
+class Writing(io.BufferedIOBase):
+    """A file being written, which knows the SHA-256 of what went in."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._hash = sha256()
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def write(self, content: Any) -> int:
+        """Append bytes."""
+        self._hash.update(content)
+        return self._file.write(content)
+
+    def tell(self) -> int:
+        """Return how many bytes went in."""
+        return self._file.tell()
+
+    @property
+    def sha256(self) -> str:
+        """Of everything written so far, as 64 hexadecimal digits."""
+        return self._hash.hexdigest()
+
+
+class Store(Protocol):
+    """Named files; names are relative, with slashes."""
+
+    url: str
+    """As the user gave it."""
+
+    def create(self, name: str) -> AbstractContextManager[Writing]:
+        """Give a binary file to write in a `with` block; it appears under its name when the block ends well."""
+
+    def read(self, name: str) -> bytes:
+        """Return a file's content, raising InputError where it is missing."""
+
+    def exists(self, name: str) -> bool:
+        """Return whether a file is there."""
+
+    def names(self, prefix: str = "") -> Iterator[str]:
+        """Yield the names of all files below a folder ("a/b/"), in no particular order."""
+
+    def alone(self) -> AbstractContextManager[None]:
+        """Keep other runs away for the length of a `with` block, where that is possible."""
+
+
+def write(store: Store, name: str, content: bytes) -> str:
+    """Write a whole file and return its SHA-256."""
+    with store.create(name) as file:
+        file.write(content)
+    return file.sha256
+
+
+def open_store(dest: str, *, new: bool = False) -> Store:
+    """Open a folder or bucket; `new` makes a folder that is missing.
+
+    Raises
+    ------
+    InputError
+        One line: it is missing, no folder, or cannot be reached or written.
+    """
+    from peaksim.corpus.store_bucket import BucketStore
+    from peaksim.corpus.store_folder import FolderStore
+
+    return BucketStore(dest) if "://" in dest else FolderStore(dest, new=new)

@@ -1,0 +1,169 @@
+"""Domain randomisation: a scene file's tables → the tables of one sequence. Pure functions over frozen tables."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peaksim.corpus.draws import Draws
+from peaksim.corpus.spec import ClutterSpread, CorpusSpec, MarkerSpread, TextureSpread
+from peaksim.errors import SceneError
+from peaksim.pose import Pose, rotation_about
+from peaksim.scene_build import facing, path_poses
+from peaksim.scene_schema import BoxTable, MarkerTable, QuadTable, RoomTable, SceneTable, TextureTable
+
+_GAP_M = 0.001  # between things that lie on each other
+
+
+def varied(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
+    """Return a scene's tables as one sequence of a corpus has them.
+
+    Raises
+    ------
+    SceneError
+        If the specification asks for something that the scene does not have, such as clutter without a room.
+    """
+    textures = {
+        name: _varied_texture(texture, spec.textures[name], draws, name) if name in spec.textures else texture
+        for name, texture in table.textures.items()
+    }
+    changed = table.model_copy(
+        update={
+            "textures": textures,
+            "markers": tuple(_varied_markers(all_markers(table), spec, draws)),
+            "marker_paths": (),
+        }
+    )
+    return _with_clutter(changed, spec.clutter, draws)
+
+
+def _varied_texture(texture: TextureTable, spread: TextureSpread, draws: Draws, name: str) -> TextureTable:
+    update: dict[str, object] = {}
+    if spread.variants:
+        for variant in spread.variants:
+            if variant not in texture.variants:
+                raise SceneError(f"textures.{name}.variants: expected some of {', '.join(texture.variants) or 'none'}, "
+                                 f"got {variant!r}")  # fmt: skip
+        chosen = spread.variants[draws.index(f"textures.{name}.variants", (1.0,) * len(spread.variants))]
+        update["variants"] = {chosen: texture.variants[chosen]}
+    for field in ("contrast", "mean"):
+        if (values := getattr(spread, field)) is not None:
+            update[field] = draws.value(f"textures.{name}.{field}", values)
+    return texture.model_copy(update=update)
+
+
+# --- markers ----------------------------------------------------------------------------------------------------
+
+
+def all_markers(table: SceneTable) -> tuple[MarkerTable, ...]:
+    """Return a scene's markers one by one, those on paths included, under the names they have in the scene."""
+    on_paths = [
+        MarkerTable(name=f"{path.name}{j + 1:02d}", kind=path.kind, side_m=path.side_m, border_m=path.border_m,
+                    center_m=_triple(pose[:3, 3]), normal=_triple(pose[:3, 2]), up=_triple(pose[:3, 1]))
+        for path in table.marker_paths
+        for j, pose in enumerate(path_poses(path))
+    ]  # fmt: skip
+    return (*table.markers, *on_paths)
+
+
+def poster_kinds(table: SceneTable) -> list[str]:
+    """Return the kind of every marker on a scene's posters, which stay as the scene has them."""
+    return [poster.kinds[letter] for poster in table.posters for row in poster.rows for letter in row
+            if letter in poster.kinds for _ in range(poster.copies[0] * poster.copies[1])]  # fmt: skip
+
+
+def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _varied_markers(markers: tuple[MarkerTable, ...], spec: CorpusSpec, draws: Draws) -> list[MarkerTable]:
+    """Return the markers that stay, as many as the views need at least, each varied."""
+    keep = draws.value("markers.keep", spec.markers.keep)
+    shares = [draws.share(f"markers.keep.{marker.name}") for marker in markers]
+    count = max(sum(share < keep for share in shares), markers_needed(spec))
+    chosen = sorted(np.argsort(shares, kind="stable")[:count])
+    return [_varied_marker(markers[i], spec.markers, draws) for i in chosen]
+
+
+def markers_needed(spec: CorpusSpec) -> int:
+    """Return how many markers a scene must keep for every kind of view to be possible."""
+    return max(max(view.min_markers, 1 if view.kind == "marker" else 0) for view in spec.views)
+
+
+def _varied_marker(marker: MarkerTable, spread: MarkerSpread, draws: Draws) -> MarkerTable:
+    """Return a marker moved and turned in its plane, scaled, and of another kind."""
+
+    def value(field: str, axis: str = "") -> float:
+        return draws.value(f"markers.{field}.{marker.name}{axis}", getattr(spread, field))
+
+    pose: Pose = facing(marker.normal, marker.up, marker.center_m, f"markers.{marker.name}")
+    shift = pose[:3, :2] @ np.array([value("shift_m", ".x"), value("shift_m", ".y")])
+    up = pose[:3, :3] @ rotation_about("z", value("turn_deg"))[:, 1]
+    factor = value("side_factor")
+    kinds = spread.kinds or (marker.kind,)
+    return marker.model_copy(
+        update={
+            "kind": kinds[draws.index(f"markers.kinds.{marker.name}", (1.0,) * len(kinds))],
+            "side_m": marker.side_m * factor,
+            "border_m": marker.border_m * factor,
+            "center_m": _triple(np.array(marker.center_m) + shift),
+            "up": _triple(up),
+        }
+    )
+
+
+# --- clutter ----------------------------------------------------------------------------------------------------
+
+
+def _with_clutter(table: SceneTable, spread: ClutterSpread, draws: Draws) -> SceneTable:
+    papers = int(draws.value("clutter.papers", spread.papers))
+    boxes = int(draws.value("clutter.boxes", spread.boxes))
+    if papers + boxes == 0:
+        return table
+    if table.room is None:
+        raise SceneError("clutter: expected a scene with a room to put it in, this one has none")
+    levels = {f"clutter paper {i}": TextureTable(level=draws.value(f"clutter.level.paper{i}", spread.level))
+              for i in range(papers)}  # fmt: skip
+    photographs = tuple(sorted(table.textures))
+    return table.model_copy(
+        update={
+            "textures": {**table.textures, **levels},
+            "quads": (*table.quads, *(_paper(i, photographs, table.room, spread, draws) for i in range(papers))),
+            "boxes": (*table.boxes, *(_box(i, table.room, spread, draws) for i in range(boxes))),
+        }
+    )
+
+
+def _paper(i: int, photographs: tuple[str, ...], room: RoomTable, spread: ClutterSpread, draws: Draws) -> QuadTable:
+    """Return a sheet on the floor, plain or with a photograph; each lies a little higher than the last."""
+    name = f"clutter paper {i}"
+    choices = (name, *photographs)
+    angle = np.radians(360 * draws.share(f"{name}.turn"))
+    x, y = _place(room, draws, name)
+    return QuadTable(
+        name=name,
+        texture=choices[draws.index(f"{name}.texture", (1.0,) * len(choices))],
+        size_m=(draws.value(f"{name}.width", spread.paper_m), draws.value(f"{name}.height", spread.paper_m)),
+        center_m=(x, y, room.min_m[2] + (i + 2) * _GAP_M),
+        normal=(0.0, 0.0, 1.0),
+        up=(float(-np.sin(angle)), float(np.cos(angle)), 0.0),
+    )
+
+
+def _box(i: int, room: RoomTable, spread: ClutterSpread, draws: Draws) -> BoxTable:
+    name = f"clutter box {i}"
+    width, depth, height = (draws.value(f"{name}.{axis}", spread.box_m) for axis in "xyz")
+    x, y = _place(room, draws, name)
+    return BoxTable(
+        name=name,
+        size_m=(width, depth, height),
+        center_m=(x, y, room.min_m[2]),
+        yaw_deg=360 * draws.share(f"{name}.yaw"),
+        level=draws.value(f"{name}.level", spread.level),
+    )
+
+
+def _place(room: RoomTable, draws: Draws, name: str) -> tuple[float, float]:
+    """Return a point of the room's floor."""
+    x, y = (low + draws.share(f"{name}.{axis}") * (high - low)
+            for axis, low, high in zip("xy", room.min_m[:2], room.max_m[:2], strict=True))  # fmt: skip
+    return x, y

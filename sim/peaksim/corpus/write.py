@@ -1,0 +1,181 @@
+"""The two kinds of work that make a corpus: rendering a shard of frames, and making the tables of a part.
+
+Both are functions of plain strings and a number, so that any process anywhere can do them; both write their check
+sums last, so that what is finished can be told from what lies there.
+"""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from threading import Lock
+
+from peaksim.corpus import layout
+from peaksim.corpus.configuration import Configuration, read_configuration, versions
+from peaksim.corpus.part import part_tables
+from peaksim.corpus.plan import plan_frame
+from peaksim.corpus.sample import Record, Sample, from_line, make_sample
+from peaksim.corpus.shard import Shard, shard_in
+from peaksim.corpus.store import Store, Writing, open_store, write
+from peaksim.errors import InputError, RendererError
+
+_ONE_AT_A_TIME = Lock()  # a process has one GL context, which belongs to one thread at a time
+
+
+@dataclass(frozen=True)
+class Job:
+    """Which corpus to work on."""
+
+    dest: str
+    """Its folder or URL; corpus.json is there."""
+    folder: str
+    """Where the specification's scenes and trajectories are."""
+
+
+class Sums:
+    """Writes files and keeps their check sums, in the order of writing."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self._lines: list[str] = []
+
+    @contextmanager
+    def create(self, name: str) -> Iterator[Writing]:
+        """Give a file to write, and note its check sum when it is finished."""
+        with self.store.create(name) as file:
+            yield file
+        self.note(name, file.sha256)
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a whole file."""
+        self.note(name, write(self.store, name, content))
+
+    def note(self, name: str, digest: str) -> None:
+        """Note a file that is already there."""
+        self._lines.append(f"{digest}  {name}\n")
+
+    def seal(self, name: str) -> None:
+        """Write the sums as a file that `sha256sum --check` reads."""
+        write(self.store, name, "".join(self._lines).encode())
+
+
+@lru_cache(maxsize=4)
+def open_job(job: Job) -> tuple[Store, Configuration]:
+    """Open a job's corpus once a process.
+
+    Raises
+    ------
+    InputError
+        If this machine cannot read it, or has other versions of what makes the bytes.
+    """
+    store = open_store(job.dest)
+    configuration = read_configuration(store)
+    here = versions()
+    for package, there in configuration.versions.items():
+        if here.get(package) != there:
+            raise InputError(f"{job.dest}: expected {package} {there}, which made it, "
+                             f"got {here.get(package)} on this machine")  # fmt: skip
+    return store, configuration
+
+
+# --- shards -------------------------------------------------------------------------------------------------------
+
+
+def write_shard(job: Job, shard: int) -> tuple[int, int]:
+    """Render a shard's missing frames and write its files; return its number and how many frames were rendered.
+
+    Doing it again, also at the same time elsewhere, writes the same bytes.
+    """
+    with _ONE_AT_A_TIME:
+        store, configuration = open_job(job)
+        if store.exists(layout.shard_sums_name(shard)):
+            return shard, 0
+        return shard, _write_shard(store, configuration, Path(job.folder), shard)
+
+
+def _write_shard(store: Store, configuration: Configuration, folder: Path, shard: int) -> int:
+    spec, rendered = configuration.spec, 0
+    there = set(store.names(layout.frames_folder(shard))) if spec.store.files else set()
+    sums = Sums(store)
+    with ExitStack() as stack:
+        archive: Shard | None = None
+        if spec.store.shards:
+            archive = stack.enter_context(shard_in(stack.enter_context(sums.create(layout.shard_name(shard)))))
+        records = stack.enter_context(sums.create(layout.records_name(shard)))
+        for index in layout.shard_frames(spec, shard):
+            sample = finished(store, configuration, index, there)
+            if sample is None:
+                sample, rendered = _render(configuration, folder, index), rendered + 1
+                if spec.store.files:
+                    _write_files(store, configuration, index, sample)
+            if spec.store.files:
+                sums.note(layout.picture_name(spec, index), sha256(sample.picture).hexdigest())
+                sums.note(layout.record_name(spec, index), sha256(sample.record).hexdigest())
+            records.write(sample.record)
+            if archive is not None:
+                archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.picture)
+                archive.add(f"{layout.frame_key(index)}.json", sample.record)
+    sums.seal(layout.shard_sums_name(shard))
+    return rendered
+
+
+def _render(configuration: Configuration, folder: Path, index: int) -> Sample:
+    plan = plan_frame(configuration.spec, folder, index)
+    sample = make_sample(plan, configuration.renderer, configuration.spec.pictures)  # type: ignore[arg-type]
+    gl_renderer = from_line(sample.record, layout.frame_key(index))["gl_renderer"]
+    if gl_renderer != configuration.gl_renderer:
+        raise RendererError(f"expected the OpenGL renderer {configuration.gl_renderer!r} that the corpus is made with, "
+                            f"got {gl_renderer!r} on this machine")  # fmt: skip
+    return sample
+
+
+def _write_files(store: Store, configuration: Configuration, index: int, sample: Sample) -> None:
+    """Write the picture, then the record that vouches for it."""
+    write(store, layout.picture_name(configuration.spec, index), sample.picture)
+    write(store, layout.record_name(configuration.spec, index), sample.record)
+
+
+def finished(store: Store, configuration: Configuration, index: int, there: set[str]) -> Sample | None:
+    """Return a frame that an earlier run has written, None if it is missing or damaged."""
+    names = layout.picture_name(configuration.spec, index), layout.record_name(configuration.spec, index)
+    if not there.issuperset(names):
+        return None
+    sample = Sample(store.read(names[0]), store.read(names[1]))
+    try:
+        record = from_line(sample.record, names[1])
+    except InputError:
+        return None
+    intact = sha256(sample.picture).hexdigest() == record.get("picture_sha256") and sample.record.endswith(b"\n")
+    return sample if intact else None
+
+
+# --- parts --------------------------------------------------------------------------------------------------------
+
+
+def write_part(job: Job, part: int) -> int:
+    """Write the tables of a part, whose shards are finished; return how many frames they hold."""
+    store, configuration = open_job(job)
+    if store.exists(layout.part_sums_name(part)):
+        return 0
+    shards = layout.part_shards(configuration.spec, part)
+    sums, frames = Sums(store), 0
+    with ExitStack() as stack:
+        add = stack.enter_context(part_tables(configuration, lambda name: sums.create(layout.part_name(part, name))))
+        for shard in shards:
+            for record in read_records(store, shard):
+                add(record)
+                frames += 1
+    for shard in shards:
+        name = layout.shard_sums_name(shard)
+        sums.note(name, sha256(store.read(name)).hexdigest())
+    sums.seal(layout.part_sums_name(part))
+    return frames
+
+
+def read_records(store: Store, shard: int) -> Iterator[Record]:
+    """Yield the records of a shard's frames."""
+    name = layout.records_name(shard)
+    for line in store.read(name).splitlines(keepends=True):
+        yield from_line(line, name)

@@ -1,0 +1,190 @@
+"""Writes what the CAVE experiment found: pictures, film, tables, report.html and result.json."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark import plots
+from peakmark.experiments.cave import CaveConfig, View, marker_rows, open_cave, walk
+from peakmark.experiments.floor import peak_memory_mb
+from peakmark.experiments.floor_results import FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX, write_rows
+from peakmark.film import film
+from peakmark.overlay_arrays import cut_out, draw_arrays, draw_polarity
+from peakmark.report import Section, Table, jpeg_uri, svg_uri, write_report
+from peakmark.results import result_folder, write_json
+
+COUNTS = (
+    "markers_in_view", "markers_found", "false_detections", "polarity_errors", "polarity_errors_by_signature",
+    "arrays_in_view", "arrays_decoded", "wrong_codes", "unsure", "arrays_decoded_by_paper", "wrong_codes_by_paper",
+)  # fmt: skip
+"""Figures of a view that add up over frames."""
+
+_MOST_CUTTINGS = 8
+
+
+def run(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> dict[str, Any]:
+    """Run the experiment, write everything into `out`, and return what `result.json` holds.
+
+    `on_step` is called when the scene is loaded and after each frame.
+
+    Raises
+    ------
+    InputError
+        For a faulty configuration, scene or folder; `out` is then as it was.
+    """
+    start = perf_counter()
+    with result_folder(out) as folder, ExitStack() as stack:
+        setup = open_cave(config)
+        load_s = perf_counter() - start
+        on_step()
+        append = None
+        if config.frames > 1:
+            append = stack.enter_context(film(folder / "walk.mp4", FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX))
+        rows: list[dict[str, Any]] = []
+        for view in walk(setup, config):
+            rows.append(view.row())
+            picture = overlay(view)
+            if append is not None:
+                append(picture)
+            if view.index == 0:
+                first, figures = view, write_pictures(folder, view, picture)
+            on_step()
+        result = {**summary(rows), "config": asdict(config), "load_s": load_s, "peak_memory_mb": peak_memory_mb()}
+        if config.frames > 1:
+            write_rows(folder / "frames.csv", rows)
+        _write_report(folder, config, first, result, figures)
+        write_json(folder / "result.json", result)
+    return result
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a frame's figures, or over several the sums of counts and the median of each error."""
+    first = rows[0]
+    medians = {name: _median([row[name] for row in rows]) for name in ("pose_mm", "pose_deg", "response_drop")}
+    return {
+        **{name: sum(row[name] for row in rows) for name in COUNTS},
+        "codes": sorted({code for row in rows for code in row["codes"]}),
+        "missed": [name for row in rows for name in row["missed"]],
+        **medians,
+        "features": int(np.median([row["features"] for row in rows])),
+        "rank_of_last_marker": first["rank_of_last_marker"],
+        "frames": len(rows),
+        "time_s": {stage: _median([row["time_s"][stage] for row in rows]) for stage in first["time_s"]},
+    }
+
+
+def _median(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def overlay(view: View) -> NDArray[np.uint8]:
+    """Return the frame with crosses and decoded numbers (Figure 13)."""
+    truth = {t.name: t.center_xy for t in view.frame.truth}
+    missed = [truth[name] for name in view.markers.missed]
+    return draw_arrays(view.frame.image, view.reading.found.detections, view.reading.arrays, missed)
+
+
+def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> dict[str, str]:
+    """Write frame.png, overlay.png, response_vs_vis.png and polarity.png; return them as data URIs."""
+    from PIL import Image
+
+    # photographs with noise hardly shrink, so the quickest compression serves
+    Image.fromarray(view.frame.image).save(folder / "frame.png", compress_level=1)
+    Image.fromarray(picture).save(folder / "overlay.png", compress_level=1)
+    figures = {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
+    for name, figure in figures.items():
+        plots.save(figure, folder / f"{name}.png")
+    return {"overlay": jpeg_uri(picture), **{name: svg_uri(figure) for name, figure in figures.items()}}
+
+
+def response_figure(view: View) -> Any:
+    """Return Figure 14."""
+    figure, ax = plots.new_figure()
+    found = view.reading.found
+    is_marker = np.zeros(len(found.features), dtype=bool)
+    is_marker[marker_rows(view)] = True
+    plots.response_over_vis(ax, found.features.response, found.evidence[:, 1], is_marker)
+    return figure
+
+
+def polarity_figure(view: View) -> Any:
+    """Return Figure 15: arrays cut out, with the signs of the Laplacian; the whole frame if there is no array."""
+    from matplotlib.figure import Figure
+
+    detections = view.reading.found.detections
+    marked = draw_polarity(view.frame.image, detections)
+    arrays = view.reading.arrays[:_MOST_CUTTINGS]
+    pictures = [(_title(a.code), cut_out(marked, *_around(a.detections))) for a in arrays] or [("no array", marked)]
+    columns = min(4, len(pictures))
+    figure = Figure(figsize=(8, 8.4 / columns * -(-len(pictures) // columns)), layout="tight")
+    for k, (title, picture) in enumerate(pictures):
+        ax = figure.add_subplot(-(-len(pictures) // columns), columns, k + 1)
+        ax.imshow(picture)
+        ax.set_title(title, fontsize=10)
+        ax.set_axis_off()
+    return figure
+
+
+def _title(code: int | None) -> str:
+    return "unsure" if code is None else f"array {code} = {code:03b}"
+
+
+def _around(detections: tuple[Any, ...]) -> tuple[NDArray[np.float64], float]:
+    return np.array([d.xy for d in detections]), 1.5 * float(np.mean([d.size for d in detections]))
+
+
+def _write_report(
+    folder: Path, config: CaveConfig, first: View, result: dict[str, Any], figures: dict[str, str]
+) -> None:
+    lead = (
+        f"{result['arrays_decoded']} of {result['arrays_in_view']} arrays in view decoded, {result['wrong_codes']} "
+        f"wrong codes; {result['markers_found']} of {result['markers_in_view']} markers found among "
+        f"{result['features']:,} features{' a frame' if config.frames > 1 else ''}. Scene “{config.scene}”, renderer "
+        f"{first.frame.renderer}, seed {config.seed}. In view: wholly visible, 20 px or larger, tilted to 45°."
+    )
+    sections = [
+        Section("Result", table=Table(("figure", "value"), result_rows(result))),
+        Section("Figure 13: markers and what the arrays say", image=figures["overlay"],
+                caption="Crosses: markers; outlines: arrays with their number, ? where unsure; red: missed."),
+        Section("Figure 14: response and version-independent signature", image=figures["response_vs_vis"]),
+        Section("Figure 15: sign of the Laplacian", image=figures["polarity"],
+                caption="As the paper counts it: +1 for light, −1 for dark centres."),
+        Section("Markers", table=marker_table(first)),
+    ]  # fmt: skip
+    if config.frames > 1:
+        sections.append(Section("Film and table", links=("walk.mp4", "frames.csv")))
+    write_report(folder / "report.html", "SIFT/SURF CAVE: arrays read and scored", lead, sections)
+
+
+def marker_table(view: View) -> Table:
+    """Return one row a marker: truth beside what was found."""
+    head = ("marker", "side (px)", "distance (m)", "tilt (°)", "found", "error (px)", "polarity", "by signature")
+    words = {True: "right", False: "wrong", None: None}
+    return Table(head, [
+        (m.name, m.side_px, m.distance_m, m.tilt_deg, "yes" if m.is_found else "no", m.error_px,
+         words[m.is_polarity_right], words[m.is_signature_right])
+        for m in view.markers.markers[:200]
+    ])  # fmt: skip
+
+
+def result_rows(result: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Return the headline figures with units, for the report and the terminal."""
+    times = result["time_s"]
+    return [
+        ("features", result["features"]),
+        *((name.replace("_", " "), result[name]) for name in COUNTS),
+        ("codes read", " ".join(map(str, result["codes"])) or None),
+        ("rank of the last marker", result["rank_of_last_marker"]),
+        ("response drop, last marker over strongest clutter", result["response_drop"]),
+        ("camera position error (mm)", result["pose_mm"]),
+        ("camera rotation error (°)", result["pose_deg"]),
+        *((f"{stage} (s)", seconds) for stage, seconds in times.items()),
+        ("peak memory (MB)", result["peak_memory_mb"]),
+    ]

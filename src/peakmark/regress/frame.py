@@ -1,0 +1,145 @@
+"""One frame's result: what was asked for, found and wrongly found, as one line of a record."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.frame import MarkerTruth
+
+from peakmark.finder_protocol import Found
+from peakmark.identification import Detection
+from peakmark.keypoints import Keypoints
+from peakmark.marker import Polarity
+from peakmark.score import FULLY_IN_VIEW, score_frame
+
+_PLACES = 3  # decimals of a pixel in a record
+
+
+@dataclass(frozen=True)
+class MarkerResult:
+    """A marker that was asked for."""
+
+    side_px: float
+    """Its true side."""
+    true_xy: tuple[float, float]
+    """Its true centre, px."""
+    xy: tuple[float, float] | None = None
+    """Where it was found, px; None if it was not."""
+    response: float | None = None
+    """Of the detection."""
+    polarity_is_right: bool | None = None
+    """Whether it was taken for what it is, light or dark; None if it was not found or is neither."""
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """What a finder made of one frame."""
+
+    frame: int
+    """Index in the suite."""
+    picture: str
+    """First 16 hexadecimal digits of the pixels' SHA-256."""
+    features: int = 0
+    """Key points found."""
+    failure: str | None = None
+    """Why the finder gave no answer."""
+    false_xy: tuple[tuple[float, float], ...] | None = None
+    """Detections at no marker, px; None where the finder does not say what it takes for a marker."""
+    drop: float | None = None
+    """Weakest found marker's response over the strongest clutter's."""
+    markers: dict[str, MarkerResult] = field(default_factory=dict)
+    """Name → result of the markers asked for."""
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        return asdict(self)
+
+
+def from_plain(values: dict[str, Any]) -> FrameResult:
+    """Return a result from `to_plain`'s values, also after JSON."""
+    markers = {name: MarkerResult(**{**m, "true_xy": _pair(m["true_xy"]), "xy": m["xy"] and _pair(m["xy"])})
+               for name, m in values["markers"].items()}  # fmt: skip
+    false = values["false_xy"]
+    false_xy = None if false is None else tuple(_pair(xy) for xy in false)
+    return FrameResult(**{**values, "markers": markers, "false_xy": false_xy})
+
+
+def _pair(values: Sequence[float]) -> tuple[float, float]:
+    x, y = values
+    return float(x), float(y)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Which markers count."""
+
+    min_side_px: float
+    """Smaller ones need not be found."""
+    tolerance_px: float
+    """Largest distance from the true centre that counts as found."""
+    kinds: tuple[str, ...] = ()
+    """Beginnings of the kinds that count; empty for all."""
+
+    def of(self, truth: Sequence[MarkerTruth]) -> list[MarkerTruth]:
+        """Return the markers that must be found."""
+        return [t for t in self.known(truth) if t.visible_fraction >= FULLY_IN_VIEW and t.side_px >= self.min_side_px]
+
+    def known(self, truth: Sequence[MarkerTruth]) -> list[MarkerTruth]:
+        """Return the markers of the kinds that count."""
+        return [t for t in truth if not self.kinds or t.kind.startswith(self.kinds)]
+
+
+def result_of(frame: int, picture: str, truth: Sequence[MarkerTruth], found: Found, asked: Asked) -> FrameResult:
+    """Score what was found in a frame."""
+    known = asked.known(truth)
+    visible = [t for t in known if t.visible_fraction > 0]
+    detections = found.detections
+    if detections is None:
+        detections = at_markers(visible, found.features, asked.tolerance_px)
+    score = score_frame(known, detections, found.features, asked.tolerance_px)
+    matched = set(score.matches.values())
+    false = [_rounded(d.xy) for i, d in enumerate(detections) if i not in matched]
+    return FrameResult(
+        frame=frame,
+        picture=picture,
+        features=len(found.features),
+        false_xy=None if found.detections is None else tuple(false),
+        drop=None if score.response_drop is None else float(f"{score.response_drop:.6g}"),
+        markers={t.name: _marker_result(t, detections, score.matches) for t in asked.of(truth)},
+    )
+
+
+def failed(frame: int, picture: str, truth: Sequence[MarkerTruth], reason: str, asked: Asked) -> FrameResult:
+    """Return the result of a frame on which the finder gave no answer: every marker is missed."""
+    return FrameResult(frame, picture, failure=reason,
+                       markers={t.name: _marker_result(t, (), {}) for t in asked.of(truth)})  # fmt: skip
+
+
+def _marker_result(marker: MarkerTruth, detections: Sequence[Detection], matches: dict[str, int]) -> MarkerResult:
+    place = (round(marker.side_px, _PLACES), _rounded(marker.center_xy))
+    if marker.name not in matches:
+        return MarkerResult(*place)
+    detection = detections[matches[marker.name]]
+    stated = {polarity for polarity in ("light", "dark") if polarity in marker.kind}
+    right = detection.polarity in stated if stated else None
+    return MarkerResult(*place, _rounded(detection.xy), float(f"{detection.response:.6g}"), right)
+
+
+def _rounded(xy: NDArray[np.float64]) -> tuple[float, float]:
+    return round(float(xy[0]), _PLACES), round(float(xy[1]), _PLACES)
+
+
+def at_markers(visible: Sequence[MarkerTruth], features: Keypoints, tolerance_px: float) -> tuple[Detection, ...]:
+    """Return the strongest key point at each marker's centre: what a detector that does not identify is scored by."""
+    found: list[Detection] = []
+    for marker in visible:
+        near = np.flatnonzero(np.linalg.norm(features.xy - marker.center_xy, axis=1) <= tolerance_px)
+        if len(near):
+            i = int(near[0])  # features come strongest first
+            xy = features.xy[i].astype(np.float64)
+            size, response = float(features.size[i]), float(features.response[i])
+            polarity: Polarity = "light" if features.laplacian[i] < 0 else "dark"
+            found.append(Detection(len(found), xy, size, polarity, response, 0.0, i + 1))
+    return tuple(found)

@@ -1,0 +1,82 @@
+"""Scoring one frame: what was asked for, found and wrongly found; written and read back alike."""
+
+import json
+
+import numpy as np
+import pytest
+from peaksim.frame import MarkerTruth
+
+from peakmark.finder_protocol import Found
+from peakmark.identification import Detection
+from peakmark.keypoints import Keypoints
+from peakmark.regress.frame import Asked, FrameResult, at_markers, failed, from_plain, result_of
+
+ASKED = Asked(min_side_px=14.0, tolerance_px=3.0, kinds=("surf",))
+
+
+def truth(name: str, x: float, kind: str = "surf-dark", side: float = 20.0, visible: float = 1.0) -> MarkerTruth:
+    center = np.array([x, 50.0])
+    corners = center + side / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return MarkerTruth(name, kind, center, corners, side, 1.0, 0.0, visible)
+
+
+def detection(x: float, polarity: str = "dark", response: float = 900.0) -> Detection:
+    return Detection(0, np.array([x, 50.0]), 20.0, polarity, response, 0.1, 1)  # type: ignore[arg-type]
+
+
+def features(*rows: tuple[float, float, int]) -> Keypoints:
+    """Return key points of (x, response, laplacian) at y = 50, strongest first."""
+    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    ones = np.ones(len(table), np.float32)
+    xy = np.stack([table[:, 0], 50.0 * ones], axis=1).astype(np.float32)
+    return Keypoints(xy, 20 * ones, ones, table[:, 1].astype(np.float32), ones, table[:, 2].astype(np.int8), ones)  # type: ignore[arg-type]
+
+
+SCENE = (
+    truth("near", 100),
+    truth("light", 200, "surf-light"),
+    truth("small", 300, side=10),
+    truth("cut", 400, visible=0.5),
+    truth("other", 500, "aruco"),
+)
+
+
+def test_what_is_large_visible_and_of_the_kinds_is_asked_for() -> None:
+    result = result_of(3, "abc", SCENE, Found(Keypoints.empty(), ()), ASKED)
+    assert (result.frame, result.picture, list(result.markers)) == (3, "abc", ["near", "light"])
+    assert all(m.xy is None and m.polarity_is_right is None for m in result.markers.values())
+    assert result.markers["near"].true_xy == (100.0, 50.0)
+    assert result.false_xy == ()
+
+
+def test_found_wrong_and_false_are_told_apart() -> None:
+    detections = (detection(101), detection(199, "dark"), detection(300), detection(400), detection(77))
+    result = result_of(0, "", SCENE, Found(Keypoints.empty(), detections), ASKED)
+    assert result.markers["near"].xy == (101.0, 50.0)
+    assert result.markers["near"].polarity_is_right is True
+    assert result.markers["light"].polarity_is_right is False
+    assert result.false_xy == ((77.0, 50.0),)  # small and cut ones need not be found, and are no false ones
+
+
+def test_a_detector_that_does_not_identify_is_scored_by_its_strongest_point_at_the_centre() -> None:
+    kp = features((250, 900, 1), (102, 800, 1), (100, 700, -1), (201, 600, -1))
+    result = result_of(0, "", SCENE, Found(kp, None), ASKED)
+    assert result.markers["near"].xy == (102.0, 50.0)
+    assert result.markers["light"].polarity_is_right is True
+    assert result.false_xy is None
+    assert result.features == 4
+    assert [d.rank for d in at_markers(SCENE[:2], kp, 3.0)] == [2, 4]
+
+
+def test_a_failure_misses_every_marker() -> None:
+    result = failed(0, "", SCENE, "crash: it ended with status 7", ASKED)
+    assert [m.xy for m in result.markers.values()] == [None, None]
+    assert result.failure == "crash: it ended with status 7"
+
+
+@pytest.mark.parametrize("found", [Found(features((100, 800, 1)), None), Found(Keypoints.empty(), (detection(100),))])
+def test_results_are_read_back_as_they_were(found: Found) -> None:
+    result = result_of(0, "", SCENE, found, ASKED)
+    again = from_plain(json.loads(json.dumps(result.to_plain())))
+    assert again == result
+    assert isinstance(again, FrameResult)

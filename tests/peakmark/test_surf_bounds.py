@@ -1,0 +1,39 @@
+"""No kernel reads or writes beyond its arrays: random pictures and parameters, compiled with checks of every index."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import speckled
+
+from peakmark import surf
+
+TESTS = Path(__file__).parents[1]
+PICTURES = 400
+
+
+def detect_on_random_pictures() -> None:
+    rng = np.random.default_rng(0)
+    for seed in range(PICTURES):
+        gray = speckled(*rng.integers(1, 140, 2), seed)
+        octaves, layers = (int(n) for n in rng.integers(1, 6, 2))
+        extended, upright = rng.random(2) < 0.3
+        mask = rng.random(gray.shape) < 0.7 if rng.random() < 0.3 else None
+        surf.detect_and_describe(gray, 0.0, octaves, layers, bool(extended), bool(upright), mask=mask)
+
+
+@pytest.mark.slow
+def test_kernels_stay_inside_their_arrays(tmp_path: Path) -> None:
+    folders = (TESTS.parent / "src", TESTS.parent / "sim", TESTS, TESTS / "peakmark")
+    environment = {
+        **os.environ,
+        "NUMBA_BOUNDSCHECK": "1",
+        "NUMBA_CACHE_DIR": str(tmp_path),
+        "PYTHONPATH": os.pathsep.join(map(str, folders)),
+    }
+    code = "import test_surf_bounds; test_surf_bounds.detect_on_random_pictures()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,173 @@
+"""Backends: every number is done, whatever dies; errors stop the run in one line; Dask with a real scheduler."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+from corpus_helpers import child_environment, contents, tiny_spec
+from peaksim.corpus import in_process, make_corpus, on_dask, processes
+from peaksim.errors import InputError, RendererError
+
+
+def square(number: int) -> int:
+    return number * number
+
+
+def die_once(folder: str, number: int) -> int:
+    """Kill its own process the first time that number 3 comes."""
+    mark = Path(folder) / "died"
+    if number == 3 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def always_die(number: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def refuse(number: int) -> int:
+    raise InputError(f"no {number}")
+
+
+def stumble(number: int) -> int:
+    return 1 // number
+
+
+def threads(number: int) -> str:
+    return ",".join(os.environ.get(name, "") for name in ("PEAKSIM_THREADS", "NUMBA_NUM_THREADS", "LP_NUM_THREADS"))
+
+
+def test_in_process_keeps_the_order() -> None:
+    assert list(in_process().run(square, range(5))) == [0, 1, 4, 9, 16]
+
+
+def test_processes_do_everything_and_leave_nothing_behind() -> None:
+    assert sorted(processes(2).run(square, range(20))) == [n * n for n in range(20)]
+    assert list(processes(2).run(square, [])) == []
+    import multiprocessing
+
+    assert multiprocessing.active_children() == []
+
+
+def test_a_killed_worker_is_replaced_and_its_task_done_again(tmp_path: Path) -> None:
+    assert sorted(processes(2).run(partial(die_once, str(tmp_path)), range(8))) == list(range(8))
+    assert (tmp_path / "died").exists()
+
+
+def test_a_task_that_kills_every_worker_stops_the_run() -> None:
+    with pytest.raises(RendererError, match="task 7: 3 worker processes died over it, the last with exit code -9"):
+        list(processes(1).run(always_die, [7]))
+
+
+def test_bad_input_in_a_worker_is_bad_input_here() -> None:
+    with pytest.raises(InputError, match=r"^no 4$"):
+        list(processes(1).run(refuse, [4]))
+
+
+def test_a_fault_in_a_worker_shows_where_it_was() -> None:
+    with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+        list(processes(1).run(stumble, [0]))
+
+
+def test_each_worker_has_one_thread_and_the_environment_is_put_back() -> None:
+    before = dict(os.environ)
+    assert set(processes(1).run(threads, [0])) == {"1,1,1"}
+    assert dict(os.environ) == before
+
+
+@pytest.mark.parametrize("workers", [0, -1, 5000])
+def test_a_foolish_number_of_workers_is_refused(workers: int) -> None:
+    with pytest.raises(InputError, match=f"--workers: expected 1…1024, got {workers}"):
+        processes(workers)
+
+
+# --- Dask -----------------------------------------------------------------------------------------------------------
+
+pytest.importorskip("distributed")
+
+
+class Cluster:
+    """A scheduler and workers as processes of their own on this machine."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.processes: list[subprocess.Popen[bytes]] = []
+        file = folder / "scheduler.json"
+        self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
+        while not file.exists() or not file.read_text():
+            time.sleep(0.1)
+        self.address = str(json.loads(file.read_text())["address"])
+
+    def add_worker(self, *options: str) -> subprocess.Popen[bytes]:
+        return self._start("worker", self.address, "--no-dashboard", "--no-nanny",
+                           "--local-directory", str(self.folder), *options)  # fmt: skip
+
+    def _start(self, *command: str) -> subprocess.Popen[bytes]:
+        environment = child_environment()
+        environment["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent)
+        with (self.folder / "log.txt").open("ab") as log:
+            arguments = [sys.executable, "-m", "dask", *command]
+            process = subprocess.Popen(arguments, stdout=log, stderr=log, env=environment)
+        self.processes.append(process)
+        return process
+
+    def stop(self) -> None:
+        for process in reversed(self.processes):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    (tmp_path / "dask").mkdir()
+    cluster = Cluster(tmp_path / "dask")
+    yield cluster
+    cluster.stop()
+
+
+def test_a_worker_killed_midway_changes_nothing(folder: Path, tmp_path: Path, cluster: Cluster) -> None:
+    spec = tiny_spec(frames=60)
+    victim, _ = cluster.add_worker("--nthreads", "1"), cluster.add_worker("--nthreads", "1")
+    killed: list[int] = []
+
+    def kill_midway(frames: int) -> None:
+        killed.append(frames)
+        if sum(killed) > 12 and victim.poll() is None:
+            victim.kill()
+
+    made = make_corpus(spec, folder, str(tmp_path / "c"), on_dask(cluster.address), kill_midway)
+    assert made.frames == 60
+    assert victim.wait() == -signal.SIGKILL
+    make_corpus(spec, folder, str(tmp_path / "whole"))
+    assert contents(tmp_path / "c") == contents(tmp_path / "whole")
+
+
+def test_workers_of_several_threads_are_refused(cluster: Cluster) -> None:
+    from distributed import Client
+
+    cluster.add_worker("--nthreads", "3")
+    with Client(cluster.address, set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=60)
+    with pytest.raises(InputError, match=r"expected workers of one thread .*, tcp://.* has 3"):
+        list(on_dask(cluster.address).run(square, [1]))
+
+
+def test_bad_input_on_a_dask_worker_is_bad_input_here(cluster: Cluster) -> None:
+    cluster.add_worker("--nthreads", "1")
+    with pytest.raises(InputError, match=r"^no 4$"):
+        list(on_dask(cluster.address).run(refuse, [4]))
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tcp://"])
+def test_a_scheduler_that_is_not_there_is_one_line(address: str) -> None:
+    with pytest.raises(InputError, match=f"--dask {address}: expected a scheduler, none answers there"):
+        list(on_dask(address).run(square, [1]))

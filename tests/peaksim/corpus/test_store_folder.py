@@ -1,0 +1,83 @@
+"""Folders: files appear whole or not at all, names stay inside, full disks are one line, two runs do not mix."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+from peaksim.corpus.store import open_store, write
+from peaksim.errors import InputError
+
+
+def test_what_is_written_is_read_and_listed(tmp_path: Path) -> None:
+    store = open_store(str(tmp_path / "new" / "er"), new=True)
+    digest = write(store, "a/b/c.txt", b"hello")
+    write(store, "top.txt", b"")
+    assert digest == hashlib.sha256(b"hello").hexdigest()
+    assert store.read("a/b/c.txt") == b"hello"
+    assert store.exists("a/b/c.txt")
+    assert not store.exists("a/b")
+    assert sorted(store.names()) == ["a/b/c.txt", "top.txt"]
+    assert list(store.names("a/")) == ["a/b/c.txt"]
+    assert list(store.names("none/")) == []
+
+
+def test_an_exception_while_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    store = open_store(str(tmp_path))
+    write(store, "x.txt", b"old")
+
+    def fail() -> None:
+        with store.create("x.txt") as file:
+            file.write(b"new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert store.read("x.txt") == b"old"
+    assert list(store.names()) == ["x.txt"]
+    assert not list((tmp_path / ".unfinished").iterdir())
+
+
+@pytest.mark.parametrize("name", ["../up", "a/../../up", "/etc/passwd", ".hidden", "a//b", "a\nb", "<b>", "a'b", ""])
+def test_names_that_could_lead_elsewhere_are_refused(tmp_path: Path, name: str) -> None:
+    store = open_store(str(tmp_path / "in"), new=True)
+    with pytest.raises(InputError, match="expected a plain file name"):
+        write(store, name, b"x")
+    with pytest.raises(InputError, match="expected a plain file name"):
+        store.read(name)
+    assert [p.name for p in tmp_path.iterdir()] == ["in"]
+
+
+def test_what_is_missing_or_no_folder_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nothing: expected a corpus, found nothing there"):
+        open_store(str(tmp_path / "nothing"))
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="expected a folder, found a file"):
+        open_store(str(tmp_path / "file"), new=True)
+    with pytest.raises(InputError, match=r"gone\.txt: No such file"):
+        open_store(str(tmp_path)).read("gone.txt")
+
+
+def test_a_folder_with_spaces_quotes_and_html_is_a_folder_like_any_other(tmp_path: Path) -> None:
+    store = open_store(str(tmp_path / "it's a \"<b>\" folder"), new=True)
+    write(store, "x", b"1")
+    assert store.read("x") == b"1"
+
+
+def test_a_full_disk_is_one_line_and_leaves_no_torn_file(tmp_path: Path) -> None:
+    store = open_store(str(tmp_path))
+    (tmp_path / ".unfinished").symlink_to("/dev/full")  # a place that cannot take anything
+    with pytest.raises(InputError, match=r"x\.bin: "):
+        write(store, "x.bin", b"y")
+    assert not store.exists("x.bin")
+
+
+def test_a_second_run_is_kept_out_until_the_first_ends_and_leftovers_are_cleared(tmp_path: Path) -> None:
+    store, other = open_store(str(tmp_path)), open_store(str(tmp_path))
+    (tmp_path / ".unfinished").mkdir()
+    (tmp_path / ".unfinished" / "torn").write_bytes(b"half a pic")
+    with store.alone():
+        assert not (tmp_path / ".unfinished").exists()
+        with pytest.raises(InputError, match="no other run writes to, one does"), other.alone():
+            pass
+    with other.alone():
+        pass

@@ -1,0 +1,98 @@
+"""Domain randomisation: markers stay in their plane, as many as asked for; clutter stays in the room."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from corpus_helpers import tiny_spec
+from peaksim.corpus.draws import sequence_draws
+from peaksim.corpus.plan import read_scene
+from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds, varied
+from peaksim.errors import SceneError
+from peaksim.scene_file import build_setup, load_scene
+
+
+def test_markers_of_paths_are_listed_where_the_scene_puts_them() -> None:
+    table, _ = read_scene("floor", Path("."))
+    quads = {quad.name: quad for quad in load_scene("floor").scene.quads if quad.marks}
+    markers = all_markers(table)
+    assert [marker.name for marker in markers] == list(quads)
+    for marker in markers:
+        assert marker.center_m == pytest.approx(quads[marker.name].world_from_quad[:3, 3])
+        assert marker.up == pytest.approx(quads[marker.name].world_from_quad[:3, 1])
+
+
+def test_posters_are_counted_marker_by_marker() -> None:
+    table, _ = read_scene("cave", Path("."))
+    marks = [mark.kind for quad in load_scene("cave").scene.quads for mark in quad.marks]
+    assert sorted(poster_kinds(table)) == sorted(marks)
+    assert len(marks) > 3000
+
+
+def test_nothing_varied_is_the_scene_itself(folder: Path) -> None:
+    table, beside = read_scene("tiny.toml", folder)
+    plain = build_setup(table, beside).scene
+    same = build_setup(varied(table, tiny_spec(), sequence_draws(0, 0)), beside).scene
+    assert [q.name for q in same.quads] == [q.name for q in plain.quads]
+    for a, b in zip(same.quads, plain.quads, strict=True):
+        assert np.allclose(a.world_from_quad, b.world_from_quad, atol=1e-12)
+        assert np.array_equal(a.texture.pixels, b.texture.pixels)
+        assert a.size_m == b.size_m
+        assert [(m.name, m.kind, m.side_m) for m in a.marks] == [(m.name, m.kind, m.side_m) for m in b.marks]
+
+
+def test_markers_move_in_their_plane_within_the_limits(folder: Path) -> None:
+    table, _ = read_scene("tiny.toml", folder)
+    changes = {"side_factor": [0.5, 1], "shift_m": [-0.1, 0.1], "turn_deg": [-90, 90]}
+    spec = tiny_spec(markers={"kinds": ["surf-light"], **changes})
+    for sequence in range(20):
+        for before, after in zip(table.markers, varied(table, spec, sequence_draws(0, sequence)).markers, strict=True):
+            shift = np.subtract(after.center_m, before.center_m)
+            across = np.cross(before.up, before.normal)
+            assert abs(shift @ before.normal) < 1e-12
+            assert abs(shift @ np.array(before.up)) <= 0.1
+            assert abs(shift @ across) <= 0.1
+            assert 0.5 * before.side_m <= after.side_m <= before.side_m
+            assert after.border_m / after.side_m == pytest.approx(before.border_m / before.side_m)
+            assert np.dot(after.up, before.up) >= -1e-12  # turned by at most 90°
+            assert (after.kind, after.normal) == ("surf-light", before.normal)
+
+
+def test_as_many_markers_stay_as_are_kept_but_never_fewer_than_the_views_need() -> None:
+    table, _ = read_scene("floor", Path("."))
+    half = tiny_spec(markers={"keep": 0.5}, views=[{"kind": "random", "eye_m": [0, 1, 1], "target_m": [0, 2, 0]}])
+    counts = [len(varied(table, half, sequence_draws(0, i)).markers) for i in range(200)]
+    assert np.mean(counts) == pytest.approx(7, abs=3 * np.sqrt(14 / 4 / 200))
+    none = tiny_spec(markers={"keep": 0}, views=[{"kind": "marker", "distance_m": 1, "min_markers": 2}])
+    assert markers_needed(none) == 2
+    assert {len(varied(table, none, sequence_draws(0, i)).markers) for i in range(10)} == {2}
+
+
+def test_clutter_lies_in_the_room_and_varies(folder: Path) -> None:
+    table, beside = read_scene("tiny.toml", folder)
+    spec = tiny_spec(clutter={"papers": {"integers": [0, 4]}, "boxes": 2, "paper_m": [0.05, 0.2], "level": 40})
+    counts = set()
+    for sequence in range(10):
+        scene = build_setup(varied(table, spec, sequence_draws(0, sequence)), beside).scene
+        papers = [q for q in scene.quads if q.name.startswith("clutter")]
+        counts.add(len(papers))
+        assert len(scene.meshes) == 2
+        for paper in papers:
+            assert (np.abs(paper.world_from_quad[:2, 3]) <= 1).all()
+            assert all(0.05 <= side <= 0.2 for side in paper.size_m)
+    assert len(counts) > 1
+
+
+def test_textures_take_the_listed_variants_and_contrasts(folder: Path) -> None:
+    table, _ = read_scene("tiny.toml", folder)
+    spec = tiny_spec(textures={"floor": {"variants": ["plain", "striped"], "contrast": [0.2, 0.4]}})
+    floors = [varied(table, spec, sequence_draws(0, i)).textures["floor"] for i in range(30)]
+    assert {tuple(floor.variants) for floor in floors} == {("plain",), ("striped",)}
+    assert all(0.2 <= floor.contrast <= 0.4 for floor in floors)
+    assert {floor.mean for floor in floors} == {None}
+
+
+def test_a_variant_that_is_not_there_is_named(folder: Path) -> None:
+    table, _ = read_scene("tiny.toml", folder)
+    with pytest.raises(SceneError, match=r"textures.floor.variants: expected some of plain, striped, got 'lawn'"):
+        varied(table, tiny_spec(textures={"floor": {"variants": ["lawn"]}}), sequence_draws(0, 0))

@@ -1,0 +1,106 @@
+"""The area integral against brute force, symmetries, and what can be derived by hand."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from peaksim import Camera, Quad, Scene, Texture
+from peaksim.area_integral import integrate
+from peaksim.pose import compose, rotation_about
+
+sys.path.insert(0, str(Path(__file__).parent))
+from area_reference import area_integral
+from views import random_view
+
+CAMERA = Camera(width=48, height=48, fx=40.0, fy=40.0, cx=23.5, cy=23.5)
+ABOVE = compose(np.diag([1.0, -1.0, -1.0]), [0, 0, 1.0])  # 1 m above z = 0, looking down, its x along the world's
+
+
+def plain(name: str, level: int, side_m: float, pose: np.ndarray) -> Quad:
+    return Quad(name, Texture.from_array(np.full((1, 1), level, np.uint8)), (side_m, side_m), pose)
+
+
+def lying(z_m: float = 0.0, x_m: float = 0.0) -> np.ndarray:
+    return compose(np.eye(3), [x_m, 0, z_m])
+
+
+def errors(seed: int, samples: int, width: int, height: int) -> np.ndarray:
+    view = random_view(seed, width, height)
+    reference = area_integral(view.scene, view.camera, view.pose, samples)
+    return np.abs(np.clip(np.rint(integrate(view.scene, view.camera, view.pose[None])), 0, 255) - reference)
+
+
+@pytest.mark.parametrize("seed", [2, 5, 9, 12, 17])
+def test_it_is_the_area_integral(seed: int) -> None:
+    error = errors(seed, 32, 96, 72)
+    assert np.sqrt((error**2).mean()) < 0.5
+    assert np.quantile(error, 0.999) < 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(30))
+def test_it_is_the_area_integral_from_thirty_random_poses(seed: int) -> None:
+    error = errors(seed, 64, 160, 120)
+    assert np.sqrt((error**2).mean()) < 0.5
+    assert np.quantile(error, 0.999) < 3
+
+
+def test_an_edge_covers_pixels_by_area() -> None:
+    scene = Scene((plain("white", 255, 0.5, lying()),), background=0.0)
+    picture = integrate(scene, CAMERA, ABOVE[None])[:, :, 0]
+    # the quad's edges lie at 23.5 ± 10 px, in the middle between two pixel centres: whole pixels only
+    assert set(np.unique(picture)) == {0.0, 255.0}
+    shifted = ABOVE.copy()
+    shifted[0, 3] += 0.25 / 40  # a quarter of a pixel
+    picture = integrate(scene, CAMERA, shifted[None])[:, :, 0]
+    assert picture[24, 13] == pytest.approx(255 * 0.25, abs=1e-3)
+    assert picture[24, 33] == pytest.approx(255 * 0.75, abs=1e-3)
+    assert picture.sum() == pytest.approx(255 * 400, rel=1e-6)
+
+
+def test_a_quarter_turn_of_the_camera_turns_the_picture() -> None:
+    view = random_view(5, 48, 48)
+    turned = view.pose @ compose(rotation_about("z", 90), np.zeros(3))
+    camera = CAMERA
+    upright, rolled = (integrate(view.scene, camera, pose[None]) for pose in (view.pose, turned))
+    difference = np.abs(np.rot90(upright, 1) - rolled)
+    assert difference.max() < 0.5  # of the staircase along edges; runs of pixels lie the other way
+    assert np.sqrt((difference**2).mean()) < 0.1
+
+
+def test_overlapping_quads_hide_each_other_in_any_order() -> None:
+    low, high = plain("low", 50, 1.0, lying()), plain("high", 250, 0.3, lying(0.2))
+    quads = (low, plain("middle", 150, 0.6, lying(0.1, 0.1)), high)
+    pictures = [integrate(Scene(order), CAMERA, ABOVE[None]) for order in (quads, quads[::-1], quads[1:] + quads[:1])]
+    assert np.allclose(pictures[0], pictures[1], atol=1e-4)
+    assert np.allclose(pictures[0], pictures[2], atol=1e-4)
+
+
+def test_intersecting_quads_are_split_where_they_meet() -> None:
+    tilted = (rotation_about("y", angle) for angle in (20, -20))
+    scene = Scene(tuple(plain(str(k), level, 0.6, compose(r, np.zeros(3)))
+                        for k, (level, r) in enumerate(zip((0, 200), tilted, strict=True))))  # fmt: skip
+    picture = integrate(scene, CAMERA, ABOVE[None])[24, 15:33, 0]
+    assert list(np.unique(picture[:9])) == [200.0] or list(np.unique(picture[:9])) == [0.0]
+    assert len(np.unique(picture[9:])) == 1
+    assert {picture[0], picture[-1]} == {0.0, 200.0}
+
+
+def test_bytes_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = random_view(8, 96, 72)
+    pictures = []
+    for threads in ("1", "2", "5"):
+        monkeypatch.setenv("PEAKSIM_THREADS", threads)
+        pictures.append(integrate(view.scene, view.camera, view.pose[None]).tobytes())
+    assert pictures[0] == pictures[1] == pictures[2]
+    assert os.environ["PEAKSIM_THREADS"] == "5"
+
+
+def test_distortion_bends_what_the_camera_sees() -> None:
+    camera = Camera(96, 72, 80.0, 80.0, 47.5, 35.5, (-0.2, 0.05, 0.001, -0.002, 0.0))
+    view = random_view(5, 96, 72)
+    reference = area_integral(view.scene, camera, view.pose, 16)  # inverting the lens for each sample takes long
+    error = np.rint(integrate(view.scene, camera, view.pose[None])) - reference
+    assert np.sqrt((error**2).mean()) < 0.7
