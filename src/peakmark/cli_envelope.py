@@ -76,7 +76,7 @@ def _print(title: str, side_m: float, reaches: list[Reach], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title)
+    table = Table(title=title, min_width=len(title))
     for head in ("tilt", "nearest", "farthest", "misses between"):
         table.add_column(head, justify="right")
     for one in reaches:

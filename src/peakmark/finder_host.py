@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.detectors import as_keypoints, import_function
+from peakmark.detectors import as_keypoints, find_detector, import_function
 from peakmark.errors import InputError
 from peakmark.finder_protocol import Found, answer
 from peakmark.identification import Detection
@@ -23,7 +23,7 @@ Find = Callable[[NDArray[np.uint8]], Any]
 
 
 def load(name: str, parameters: dict[str, Any]) -> Find:
-    """Return the function of an image behind "module:function" or "cv2.NAME_create"; parameters go to either.
+    """Return the function of an image behind "module:function", "cv2:NAME" or "cv2.NAME_create"; all take parameters.
 
     Raises
     ------
@@ -32,6 +32,8 @@ def load(name: str, parameters: dict[str, Any]) -> Find:
     """
     if name.startswith("cv2."):
         return _feature_finder(name, parameters)
+    if name.startswith("cv2:"):
+        return partial(find_detector(name, describe=False), **parameters)
     return partial(import_function(name), **parameters)
 
 

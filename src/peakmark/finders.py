@@ -6,8 +6,8 @@
 | cave-markers | the same by the classifier of the CAVE, for dense posters |
 | aruco, aruco:DICT_… | ArUco tags of OpenCV, 4×4 with 50 codes or another dictionary |
 | apriltag | AprilTag 36h11, by OpenCV |
-| surf, surf-paper, surf-opencv, sift | key points, see `peakmark.detectors` |
-| cv2.NAME_create | key points of any `cv2.Feature2D`, such as cv2.ORB_create |
+| surf, surf-paper, surf-opencv, sift, sift-opencv, vlfeat | key points, see `peakmark.detectors` |
+| cv2:NAME, cv2.NAME_create | key points of any `cv2.Feature2D`, such as cv2:ORB |
 | module:function | your function of an image, in a process of its own |
 | exec:PROGRAM ARGUMENTS | your program, in images, out JSON lines; `peakmark.finder_protocol` has the protocol |
 

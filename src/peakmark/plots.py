@@ -115,20 +115,25 @@ def envelope_map(
     rate: NDArray[np.float64],
     is_inside: NDArray[np.bool_],
 ) -> None:
-    """Draw detection rates (t, s) over (t,) tilts and (s,) distances; a dot where the envelope's demand is met."""
+    """Draw detection rates (t, s), a line of cells a tilt, over (s,) distances; a dot where the demand is met."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
+    from matplotlib.ticker import LogLocator
 
-    x, y = _cell_edges(np.log(distance_m)), _cell_edges(tilt_deg)
-    colours = ScalarMappable(Normalize(0, 1), "Greens")
-    ax.pcolormesh(np.exp(x), np.clip(y, 0, 90), rate, cmap=colours.cmap, norm=colours.norm, edgecolors="white",
-                  linewidth=0.3)  # fmt: skip
+    lines = np.arange(len(tilt_deg))
+    colours = ScalarMappable(Normalize(0, 1.3), "Greens")
+    edges = np.exp(_cell_edges(np.log(distance_m)))
+    ax.pcolormesh(edges, np.arange(len(lines) + 1) - 0.5, rate, cmap=colours.cmap, norm=colours.norm,
+                  edgecolors="white", linewidth=0.5)  # fmt: skip
     row, column = np.nonzero(is_inside)
-    ax.scatter(distance_m[column], tilt_deg[row], s=6, color="white", label="95 % sure")
-    bar = ax.figure.colorbar(colours, ax=ax, pad=0.02)
-    bar.set_label("share detected; dot: enough of it is sure")
-    ax.set(xscale="log", xlabel="distance (m)", ylabel="tilt (°)", yticks=tilt_deg)
+    ax.scatter(distance_m[column], row, s=9, color="white")
+    bar = ax.figure.colorbar(colours, ax=ax, pad=0.02, boundaries=np.linspace(0, 1, 101), ticks=np.linspace(0, 1, 6))
+    bar.set_label("share detected; a dot: inside the envelope")
+    ax.set(xscale="log", xlabel="distance (m)", ylabel="tilt (°)")
+    ax.set_yticks(lines, [f"{tilt:g}" for tilt in tilt_deg])
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter("")
 
 
 def _cell_edges(middles: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ class Section:
     """One plain paragraph."""
     table: Table | None = None
     image: str = ""
-    """A data URI from `svg_uri` or `jpeg_uri`."""
+    """A data URI from `svg_uri`, `svg_file_uri` or `jpeg_uri`."""
     caption: str = ""
     links: Sequence[str] = field(default_factory=tuple)
     """Names of files beside the page."""
@@ -79,6 +79,11 @@ def svg_uri(figure: Any) -> str:
     with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
         figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
     return _uri("image/svg+xml", buffer.getvalue())
+
+
+def svg_file_uri(path: Path) -> str:
+    """Return an SVG file as a data URI."""
+    return _uri("image/svg+xml", path.read_bytes())
 
 
 def jpeg_uri(picture: NDArray[np.uint8], width_px: int = 1400) -> str:

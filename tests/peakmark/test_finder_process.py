@@ -49,11 +49,12 @@ def test_what_a_function_prints_is_no_answer() -> None:
         assert [len(find(SPOT).features) for _ in range(2)] == [1, 1]
 
 
-def test_any_feature_of_opencv() -> None:
+@pytest.mark.parametrize("name", ["cv2.ORB_create", "cv2:ORB"])
+def test_any_feature_of_opencv(name: str) -> None:
     import cv2
 
     noise = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
-    with run_process("cv2.ORB_create", {"nfeatures": 50}, 10, 30) as find:
+    with run_process(name, {"nfeatures": 50}, 10, 30) as find:
         found = find(noise).features
     expected = cv2.ORB_create(nfeatures=50).detect(noise, None)
     assert sorted(map(tuple, found.xy.tolist())) == sorted(point.pt for point in expected)

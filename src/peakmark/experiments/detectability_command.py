@@ -16,7 +16,7 @@ from peakmark.experiments.detectability_claims import claims_table
 from peakmark.experiments.detectability_journal import Journal, Row
 from peakmark.experiments.detectability_points import Config
 from peakmark.experiments.detectability_tables import envelope_lines, envelope_table, gains_table
-from peakmark.report import Section, Table, svg_uri, write_report
+from peakmark.report import Section, Table, svg_file_uri, write_report
 from peakmark.results import result_folder, write_json
 
 QUICK = {"trials": 8, "every": 4}
@@ -78,10 +78,11 @@ def write_results(out: Path, config: Config, rows: Sequence[Row]) -> None:
         (folder / "envelope.csv").write_text("\n".join(envelope_lines(rows)) + "\n", encoding="utf-8")
         figures = fixed_figures(config.seed) | curve_figures(rows)
         for name, figure in figures.items():
-            plots.save(figure, folder / f"{name}.png")
-            plots.save(figure, folder / f"{name}.svg")
+            for ending in ("png", "svg"):
+                plots.save(figure, folder / f"{name}.{ending}")
+        pictures = {name.replace("-", " ").capitalize(): svg_file_uri(folder / f"{name}.svg") for name in figures}
         sections = [Section(title, table=table) for title, table in tables.items()]
-        sections += [Section(name.replace("-", " ").capitalize(), image=svg_uri(f)) for name, f in figures.items()]
+        sections += [Section(title, image=uri) for title, uri in pictures.items()]
         faults = fault_rows(rows)
         sections += [Section("Faults of detectors", table=faults)] if faults.rows else []
         lead = f"{config.trials} random phases and turns a point, seed {config.seed}; intervals are Wilson's at 95 %."

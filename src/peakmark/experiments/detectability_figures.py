@@ -20,14 +20,21 @@ def new_figure(columns: int = 1, rows: int = 1, width_in: float = 8.0, height_in
     """Return a figure and its axes in reading order."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    return figure, list(np.ravel(figure.subplots(rows, columns)))
+    figure = Figure(figsize=(width_in, height_in))
+    axes = list(np.ravel(figure.subplots(rows, columns)))
+    # fixed margins for the labels: a layout engine would draw everything twice to find them
+    figure.subplots_adjust(
+        left=0.7 / width_in, right=1 - 0.15 / width_in, bottom=0.55 / height_in, top=1 - 0.5 / height_in,
+        wspace=0.25, hspace=0.55,
+    )  # fmt: skip
+    return figure, axes
 
 
 def show_picture(ax: Any, picture: NDArray[Any], title: str = "", **settings: Any) -> None:
     """Draw a grey picture without ticks."""
     ax.imshow(picture, cmap="gray", interpolation="nearest", **settings)
-    ax.set(title=title, xticks=[], yticks=[])
+    ax.set_title(title, fontsize=9)
+    ax.set(xticks=[], yticks=[])
 
 
 def figure_1() -> Any:

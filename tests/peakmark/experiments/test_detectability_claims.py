@@ -31,10 +31,14 @@ def test_the_turn_is_given_as_the_largest_departure_from_the_mean():
 def test_the_tilt_limit_is_where_the_rms_error_passes_3_px():
     rows = [row("tilt", *SURF, x, rms_px=rms, series=sides_away(1)) for x, rms in ((0, 1.0), (25, 3.5), (40, 9.0))]
     rows += [row("tilt", *SURF, x, rms_px=1.0, series=sides_away(20)) for x in (0, 80)]
+    rows[1]["detected"] = 0.8
     text = found(rows, "SURF's marker leaves")
-    assert "1 sides away: from 25°" in text
-    assert "20 sides away: never" in text
-    assert "5 sides away: not measured" in text
+    assert text.split("; ") == [
+        "1 sides away: beyond 3 px RMS from 25°, below 90 % at 25°",
+        "2 sides away: not measured",
+        "5 sides away: not measured",
+        "20 sides away: beyond 3 px RMS never, below 90 % at none",
+    ]
 
 
 def test_noise_is_read_next_to_20_percent():

@@ -18,11 +18,15 @@ from peakmark.experiments.detectability_tables import (
     select,
     span,
 )
+from peakmark.statistics import wilson
 
 
 def test_only_a_sure_rate_passes():
     assert passes(row("scale", "m", "d", 1, 100))
     assert not passes(row("scale", "m", "d", 1, 98))
+    few = row("scale", "m", "d", 1, trials=8, detected=1.0, detected_low=wilson(8, 8)[0])
+    assert passes(few)
+    assert not passes({**few, "detected_low": wilson(7, 8)[0]})
 
 
 def test_ditches_lie_inside_the_span():
