@@ -59,6 +59,8 @@ def panels_of(experiment: str) -> list[list[Curve]]:
 
 def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequence[Curve]]) -> Any:
     """Return response, detection rate and error along one axis, a line of axes a panel."""
+    from matplotlib.ticker import LogLocator
+
     filled = [[(c, found) for c in panel if (found := select(rows, experiment, *c))] for panel in panels]
     filled = [panel for panel in filled if panel]
     figure, axes = new_figure(3, len(filled), 12, 3.6 * len(filled))
@@ -72,6 +74,7 @@ def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequenc
             ax.set(xlabel=LABELS[experiment])
             if experiment in _LOGARITHMIC:
                 ax.set(xscale="log", xlim=(min(x) / 1.1, max(x) * 1.1))
+                ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
                 ax.xaxis.set_major_formatter("{x:g}")
                 ax.xaxis.set_minor_formatter("")
             ax.grid(alpha=0.3)
