@@ -31,6 +31,7 @@ check: $(READY)
 bench: $(READY)
 	$(PYTHON) -c 'import mahotas' 2>/dev/null || $(PYTHON) -m pip install --quiet --editable '.[bench]'
 	$(PYTHON) benchmarks/bench_surf.py
+	$(PYTHON) benchmarks/bench_render.py
 
 parity: $(READY)
 	PYTHONPATH=tests $(PYTHON) benchmarks/parity_surf.py

@@ -1,18 +1,21 @@
 """One test for each numbered sentence of CONVENTIONS.md."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from helpers import marker_view, needs_gl
-from peaksim import Camera, Quad, Scene, Texture, render
-from peaksim.pose import compose, invert, look_at, transform
+from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
+from peaksim.pose import compose, invert, look_at, rotation_about, transform
 from peaksim.rendering import Renderer
 from peaksim.scene_file import load_scene
+from peaksim.shutter import Shot
 
 from peakmark import surf
+from peakmark.arrays_layout import THREE_BIT, polarities_of
 from peakmark.experiments.floor import FloorConfig, look
 
 CAMERA = Camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5)
@@ -124,3 +127,30 @@ def test_11_a_frames_noise_depends_on_the_seed_and_its_index_alone() -> None:
 def test_12_a_dark_marker_has_laplacian_plus_one() -> None:
     for polarity, sign in (("dark", 1), ("light", -1)):
         assert surf.detect(marker_view(60, polarity=polarity))[0].laplacian.tolist() == [sign]  # type: ignore[arg-type]
+
+
+def test_13_each_row_of_a_rolling_shutter_has_its_own_time() -> None:
+    rolling = replace(CAMERA, row_time_s=0.01)
+    way = Trajectory(np.array([0.0, 2.0]), np.stack([FACING, FACING @ compose(np.eye(3), [0.5, 0, 0])]))
+    shot = Shot(rolling, way, 1.0)
+    for x, y in shot.project([[0.2, 0.2, 0], [0.25, -0.3, 0], [0.3, 0, 0]]):
+        own = way.at(1.0 + (y - 14.5) * 0.01)
+        point = transform(own, 1.0 * CAMERA.unproject([[x, y]]))
+        assert np.allclose(shot.project(point), [[x, y]], atol=1e-8)
+
+
+def test_14_the_affinity_maps_sides_right_and_down() -> None:
+    upright = Quad("q", Texture.from_array(np.zeros((1, 1), np.uint8)), (0.25, 0.25), np.eye(4), marker="m")
+    turned = FACING @ compose(rotation_about("z", 90), np.zeros(3))  # the camera turns clockwise, the picture back
+    for pose, expected in ((FACING, [[10, 0], [0, 10]]), (turned, [[0, 10], [-10, 0]])):
+        assert np.allclose(render(Scene((upright,)), CAMERA, pose, renderer="exact").truth[0].affinity, expected)
+
+
+def test_15_light_is_one_and_the_first_marker_counts_most() -> None:
+    assert [polarities_of(code) for code in (0, 1, 4)] == [
+        ("dark", "dark", "dark"), ("dark", "dark", "light"), ("light", "dark", "dark"),
+    ]  # fmt: skip
+    assert THREE_BIT.cells == ((1, 0), (0, 1), (1, 1))
+    laplacian = {p: surf.detect(marker_view(60, polarity=p))[0].laplacian[0] for p in polarities_of(1)}  # type: ignore[arg-type]
+    bits = [int(laplacian[p] < 0) for p in polarities_of(6)]
+    assert 4 * bits[0] + 2 * bits[1] + bits[2] == 6

@@ -11,6 +11,14 @@ from peaksim.camera import Camera
 from peaksim.pose import Pose
 from peaksim.shutter import Shot
 
+TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 1.0}
+"""Error budget of each renderer: rms over a picture against the area integral, grey levels."""
+
+
+def error_budget(renderer: str) -> str:
+    """Return what a report says of the error that a renderer's textures may have."""
+    return f"Texture error budget: {TEXTURE_ERROR_RMS[renderer]} grey levels rms"
+
 
 @dataclass(frozen=True)
 class Ellipse:

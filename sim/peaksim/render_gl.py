@@ -24,7 +24,7 @@ MINOR = 4
 """Samples a pixel along the axis in which a surface is least compressed; the other axis gets more."""
 MOST = 24
 """Most samples a pixel along one axis."""
-TILE = (512, 96)
+TILE = (512, 48)
 """Width and height, px, of the tiles that share one choice of samples."""
 LOD_BIAS = -1.5
 """Mip levels by which textures are taken sharper than OpenGL would."""

@@ -8,12 +8,12 @@ from peakmark.arrays_lattice import Cell, Lattice, Markers, expected
 TOLERANCE = 0.25
 """Difference from white, and spread, that bare paper may show, in the contrast of the array's own markers."""
 
-_SAMPLES = (np.arange(9) - 4) / 9
+_CELL = np.linspace(-0.5, 0.5, 11)
 _INNER = (np.arange(7) - 3) / 9
 
 
 def is_blank(gray: NDArray[np.uint8], markers: Markers, lattice: Lattice, blank: Cell, pitch: float) -> bool:
-    """Return whether a cell is as bright as the white of the lattice's markers, and even.
+    """Return whether a cell is as bright as the white in and around the lattice's markers, and even.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ def is_blank(gray: NDArray[np.uint8], markers: Markers, lattice: Lattice, blank:
     pitch
         Distance of neighbouring centres in sides.
     """
-    printed = _levels(gray, markers, lattice, np.array(list(lattice.cells)), _SAMPLES / pitch)
-    black, white = np.percentile(printed, [10, 90])
+    printed = _levels(gray, markers, lattice, np.array(list(lattice.cells)), _CELL)
+    black, white = np.percentile(printed, [2, 95])
     bare = _levels(gray, markers, lattice, np.array([blank]), _INNER / pitch)
     allowed = TOLERANCE * max(white - black, 1.0)
     return bool(abs(bare.mean() - white) <= allowed and bare.std() <= allowed)

@@ -51,7 +51,7 @@ def outline_px(array: MarkerArray) -> NDArray[np.float64]:
 def draw_polarity(image: NDArray[np.uint8], detections: Sequence[Detection]) -> NDArray[np.uint8]:
     """Return an RGB copy with the sign of the Laplacian as the paper counts it: +1 light, −1 dark."""
     canvas = np.ascontiguousarray(rgb(image)).copy()
-    line = max(1, round(image.shape[1] / 1000))
+    line = max(1, round(image.shape[1] / 2500))
     for detection in detections:
         text, colour = ("+1", LIGHT) if detection.polarity == "light" else ("-1", DARK)
         label(canvas, text, detection.xy - np.array([0.3, 0.6]) * detection.size, colour, line, 0.6)

@@ -1,5 +1,6 @@
 """The blank corner must be bare paper: a block of four of which one was missed is not read."""
 
+import cv2
 import numpy as np
 import pytest
 from walls import TEXELS, sheet, wall
@@ -44,6 +45,15 @@ def test_paper_may_be_a_little_darker_than_the_pattern_s_white(white: int) -> No
         picture = wall([(sheet(code, max(white, 215)), 240, 180, 25, 30)], seed=code)
         picture = (picture * (white / 255)).astype(np.uint8)
         assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [code]
+
+
+@pytest.mark.parametrize("code", range(8))
+@pytest.mark.parametrize("side", [21, 30, 57.6])
+def test_bare_paper_is_blank_whatever_the_markers_beside_it(code: int, side: float) -> None:
+    size = round(4 * side)
+    picture = cv2.resize(sheet(code), (size, size), interpolation=cv2.INTER_AREA)
+    picture = cv2.GaussianBlur(np.pad(picture, 40, constant_values=255), (0, 0), 0.7)
+    assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [code]
 
 
 def test_the_image_tells_its_size() -> None:

@@ -8,6 +8,7 @@ from peaksim import load_scene
 from peaksim.frame import MarkerTruth
 from peaksim.pose import invert, transform
 from peaksim.scene import Scene
+from peaksim.shutter import still
 from peaksim.truth import marker_truth
 
 from peakmark.arrays import MarkerArray
@@ -18,7 +19,7 @@ from peakmark.score_arrays import ArrayScore, PrintedArray, polarity_of, printed
 CAVE = load_scene("cave")
 PRINTED = printed_arrays(CAVE.scene)
 POSE = CAVE.trajectory.at(0.0)
-TRUTH = marker_truth(CAVE.scene, CAVE.camera, POSE)
+TRUTH = marker_truth(CAVE.scene, still(CAVE.camera, POSE))
 
 
 def reading(printed: PrintedArray, code: int | None, shift_px: float = 0.0) -> MarkerArray:

@@ -148,7 +148,7 @@ def _marker_values(scene: Scene, camera: Camera, pose: Pose, truth: tuple[Marker
             "points_xy": [_plain(marker.center_xy), *map(_plain, marker.corners_xy)],
             "points_seen": [int(state) for state in states[i]],
             "points_world_m": _rows(world[i]),
-            "side_px": float(marker.side_px),
+            "side_px": float(marker.side_px) if np.isfinite(marker.side_px) else None,
             "distance_m": float(marker.distance_m),
             "tilt_deg": float(marker.tilt_deg),
             "visible_fraction": float(marker.visible_fraction),

@@ -38,6 +38,8 @@ class EvaluationConfig:
     """Random cameras a room; a few find no free place."""
     split: Split = "held-out"
     """"held-out" or "training"."""
+    size: float = 0.5
+    """Share of the cameras' width and height that the pictures have: at 1 a view takes four times as long."""
     seed: int = 1
     """Of rooms, views and noise; the classifier's samples come from others."""
 
@@ -45,6 +47,7 @@ class EvaluationConfig:
         for name, value, fits, expected in (
             ("rooms", self.rooms, 1 <= self.rooms <= 100_000, "1…100000"),
             ("views", self.views, 1 <= self.views <= 1000, "1…1000"),
+            ("size", self.size, 0.1 <= self.size <= 1, "0.1…1"),
             ("seed", self.seed, self.seed >= 0, "0 or more"),
             ("split", self.split, self.split in get_args(Split), " or ".join(get_args(Split))),
         ):
@@ -115,7 +118,7 @@ def _write(path: Path, text: str) -> None:
 
 def room_records(config: EvaluationConfig, room: int) -> list[dict[str, Any]]:
     """Return one room's views as plain values."""
-    scene, frames = room_and_frames(config.split, room, config.views, config.seed, STEEPEST_DEG)
+    scene, frames = room_and_frames(config.split, room, config.views, config.seed, STEEPEST_DEG, config.size)
     printed = printed_arrays(scene.scene)
     return [record(room, judged(index, frame, scene.scene, 0.0), printed) for index, frame in enumerate(frames)]
 

@@ -18,6 +18,7 @@ def evaluate_cave(
     rooms: Annotated[int, Option(help="Random rooms.")] = EvaluationConfig.rooms,
     views: Annotated[int, Option(help="Random cameras a room.")] = EvaluationConfig.views,
     split: Annotated[str, Option(help="held-out, or training to tune on.")] = EvaluationConfig.split,
+    size: Annotated[float, Option(help="Share of the cameras' width and height.")] = EvaluationConfig.size,
     seed: Annotated[int, Option(help="Seed of rooms, cameras and noise.")] = EvaluationConfig.seed,
     workers: Annotated[int, Option(help="Processes.")] = 1,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
@@ -31,7 +32,7 @@ def evaluate_cave(
     from peakmark.experiments.cave_summary import headline
     from peakmark.experiments.terminal import print_table
 
-    config = EvaluationConfig(rooms, views, cast(Split, split), seed)
+    config = EvaluationConfig(rooms, views, cast(Split, split), size, seed)
     console = Console(quiet=quiet)
     with Progress(console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task("render, read, score", total=rooms)
@@ -52,7 +53,8 @@ def write_evaluation(config: EvaluationConfig, records: list[dict[str, Any]], ou
     by = {quantity: recall_by(records, quantity) for quantity in ("side_px", "tilt_deg")}
     result = {**figures(records), "recall_by": by, "config": asdict(config)}
     lead = (
-        f"{result['views']} random views of {config.rooms} {config.split} rooms, seed {config.seed}. Asked for: "
+        f"{result['views']} random views of {config.rooms} {config.split} rooms, pictures at "
+        f"{config.size:g} of their cameras' width and height, seed {config.seed}. Asked for: "
         "markers and arrays wholly in view, 20 px or larger, tilted to 45°. Intervals: 95 %."
     )
     sections = [Section("Figures", table=Table(HEAD, headline(result)))]

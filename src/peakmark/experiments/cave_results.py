@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.frame import error_budget
 
 from peakmark import plots
 from peakmark.experiments.cave import CaveConfig, View, marker_rows, open_cave, walk
@@ -123,7 +124,7 @@ def polarity_figure(view: View) -> Any:
     arrays = view.reading.arrays[:_MOST_CUTTINGS]
     pictures = [(_title(a.code), cut_out(marked, *_around(a.detections))) for a in arrays] or [("no array", marked)]
     columns = min(4, len(pictures))
-    figure = Figure(figsize=(8, 8.4 / columns * -(-len(pictures) // columns)), layout="tight")
+    figure = Figure(figsize=(8, 9 / columns * -(-len(pictures) // columns)), layout="constrained")
     for k, (title, picture) in enumerate(pictures):
         ax = figure.add_subplot(-(-len(pictures) // columns), columns, k + 1)
         ax.imshow(picture)
@@ -147,7 +148,8 @@ def _write_report(
         f"{result['arrays_decoded']} of {result['arrays_in_view']} arrays in view decoded, {result['wrong_codes']} "
         f"wrong codes; {result['markers_found']} of {result['markers_in_view']} markers found among "
         f"{result['features']:,} features{' a frame' if config.frames > 1 else ''}. Scene “{config.scene}”, renderer "
-        f"{first.frame.renderer}, seed {config.seed}. In view: wholly visible, 20 px or larger, tilted to 45°."
+        f"{first.frame.renderer}, seed {config.seed}. {error_budget(first.frame.renderer)}. "
+        f"In view: wholly visible, 20 px or larger, tilted to 45°."
     )
     sections = [
         Section("Result", table=Table(("figure", "value"), result_rows(result))),

@@ -14,7 +14,16 @@ from peaksim.sensor import apply_sensor
 
 from peakmark.classification import evidence
 from peakmark.errors import InputError
-from peakmark.experiments.cave_rooms import CAMERAS, Room, Split, photographs, random_room, random_sensor, random_view
+from peakmark.experiments.cave_rooms import (
+    CAMERAS,
+    Room,
+    Split,
+    photographs,
+    random_room,
+    random_sensor,
+    random_view,
+    resized,
+)
 from peakmark.gray import as_gray
 from peakmark.identification_both import features_of
 from peakmark.keypoints import Keypoints
@@ -58,17 +67,22 @@ STEEPEST_SEEN_DEG = 50.0
 
 
 def room_and_frames(
-    split: Split, number: int, count: int, seed: int, steepest_deg: float = STEEPEST_SEEN_DEG
+    split: Split, number: int, count: int, seed: int, steepest_deg: float = STEEPEST_SEEN_DEG, size: float = 1.0
 ) -> tuple[Room, Iterator[Frame]]:
-    """Return a random room and the frames, rendered one by one, of random cameras at 0.5–4 m and any roll."""
+    """Return a random room and the frames, rendered one by one, of random cameras at 0.5–4 m and any roll.
+
+    The pictures have `size` of their cameras' width and height.
+    """
     rng = np.random.default_rng((seed, number))
     room = random_room(rng, photographs(split))
-    return room, _frames(rng, room, split, count, steepest_deg)
+    return room, _frames(rng, room, split, count, steepest_deg, size)
 
 
-def _frames(rng: np.random.Generator, room: Room, split: Split, count: int, steepest_deg: float) -> Iterator[Frame]:
+def _frames(
+    rng: np.random.Generator, room: Room, split: Split, count: int, steepest_deg: float, size: float
+) -> Iterator[Frame]:
     for _ in range(count):
-        camera = CAMERAS[split][int(rng.integers(len(CAMERAS[split])))]
+        camera = resized(CAMERAS[split][int(rng.integers(len(CAMERAS[split])))], size)
         pose = random_view(rng, room, rng.uniform(0.5, 4), rng.uniform(0, steepest_deg))
         if pose is not None:
             frame = render(room.scene, camera, pose, renderer="exact")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ class TrainingConfig:
 
     training_rooms: int = 16
     """Rooms to learn from."""
-    held_out_rooms: int = 12
+    held_out_rooms: int = 8
     """Rooms with other photographs, cameras and noise to judge on."""
     views: int = 3
     """Views a room."""
@@ -74,7 +75,15 @@ def samples_of(config: TrainingConfig, on_room: Callable[[], None] = lambda: Non
 
 
 def train(samples: Samples) -> dict[str, Classifier]:
-    """Return one classifier a kind: thresholds on one column, the paper's oblique line, all columns, nonlinear."""
+    """Return one classifier a kind: thresholds on one column, the paper's oblique line, all columns, nonlinear.
+
+    Raises
+    ------
+    InputError
+        If scikit-learn is not installed.
+    """
+    if find_spec("sklearn") is None:
+        raise InputError("training needs scikit-learn: pip install 'peakmark[train]'")
     return {
         "response threshold": _linear(samples, ["log_response"]),
         "VIS threshold": _linear(samples, ["vis_distance"]),

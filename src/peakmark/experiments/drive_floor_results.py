@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.floor_path import FloorPath
+from peaksim.frame import error_budget
 
 from peakmark import plots
 from peakmark.errors import InputError
@@ -156,7 +157,8 @@ def _write(
     config = result["config"]
     lead = (
         f"{config['paths']} random paths of {config['length_m']:g} m on “{config['scene']}”, floor "
-        f"{config['texture'] or 'default'}, seed {config['seed']}, renderer {result['renderer']}."
+        f"{config['texture'] or 'default'}, seed {config['seed']}, renderer {result['renderer']}. "
+        f"{error_budget(result['renderer'])}."
     )
     write_report(folder / "report.html", "A robot follows markers by sight", lead, sections)
     write_json(folder / "result.json", result)

@@ -133,7 +133,7 @@ def trial(design: Design, condition: Condition, rng: np.random.Generator) -> Ans
     scene, pose = _scene(design, code, condition, rng), looking(condition, rng)
     frame = render(scene, CAMERA, pose, renderer="exact")
     gray = take(frame.linear, Sensor(condition.blur_px, exposure=0.7, read_noise=condition.noise), rng)
-    center = CAMERA.project(transform(invert(pose), np.array([[*center_m(design, code), 0.0]])))[0]
+    center = CAMERA.project(transform(invert(pose), centers_m(design))).mean(axis=0)
     start = perf_counter()
     found = look_for(design, gray)
     seconds = perf_counter() - start
@@ -188,12 +188,12 @@ def crossing(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 # --- the sheet and the camera -------------------------------------------------------------------------------
 
 
-def center_m(design: Design, code: int) -> tuple[float, float]:
-    """Return where on the sheet the design's centre is: for an array the mean of its markers."""
+def centers_m(design: Design) -> NDArray[np.float64]:
+    """Return the (k, 3) centres of what is printed on the sheet; the picture's centre is the mean of their pictures."""
     if design != "SURF array":
-        return 0.0, 0.0
-    cells = np.array(THREE_BIT.cells).mean(axis=0) - 0.5
-    return float(cells[0] * THREE_BIT.pitch * SIDE_M), float(-cells[1] * THREE_BIT.pitch * SIDE_M)
+        return np.zeros((1, 3))
+    cells = (np.array(THREE_BIT.cells) - 0.5) * [1, -1] * THREE_BIT.pitch * SIDE_M
+    return np.pad(cells, ((0, 0), (0, 1)))
 
 
 def width_m(design: Design) -> float:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from peaksim.frame import error_budget
 
 from peakmark import plots
 from peakmark.experiments.flight import Flight
@@ -40,7 +41,8 @@ def write(
     config = flight.config
     lead = (
         f"{len(records)} frames of “{config.trajectory}”, floor {config.texture or 'default'}, seed {config.seed}, "
-        f"rule {config.rule}, renderer {result['renderer']}. {' '.join(result['remarks'])}"
+        f"rule {config.rule}, renderer {result['renderer']}. "
+        f"{error_budget(result['renderer'])}. {' '.join(result['remarks'])}"
     )
     sections = [
         Section(

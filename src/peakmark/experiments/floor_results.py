@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.frame import error_budget
 
 from peakmark import plots
 from peakmark.experiments.floor import FloorConfig, Tally, View, fly, open_scene, peak_memory_mb
@@ -151,7 +152,8 @@ def _write_report(
         f"{found} among {result['features']:,} features{' a frame' if config.frames > 1 else ''}; "
         f"scene “{config.scene}”, "
         f"floor {config.texture or 'default'}, stretch {config.stretch:g}, seed {config.seed}, "
-        f"renderer {result['renderer']}{' on ' + result['gl_renderer'] if result['gl_renderer'] else ''}."
+        f"renderer {result['renderer']}{' on ' + result['gl_renderer'] if result['gl_renderer'] else ''}. "
+        f"{error_budget(result['renderer'])}."
     )
     sections = [
         Section("Result", table=Table(("figure", "value"), result_rows(result))),

@@ -191,8 +191,10 @@ def see(suite: Suite, frame: int, seed: int) -> View:
 def marker_truth(marker: dict[str, Any]) -> MarkerTruth:
     """Return a marker of a corpus's record as the truth that the renderer gave."""
     points = np.array([[np.nan if value is None else value for value in xy] for xy in marker["points_xy"]])
-    names = ("name", "kind", "side_px", "distance_m", "tilt_deg", "visible_fraction")
-    return MarkerTruth(center_xy=points[0], corners_xy=points[1:], **{name: marker[name] for name in names})
+    side_px = np.nan if marker["side_px"] is None else marker["side_px"]
+    names = ("name", "kind", "distance_m", "tilt_deg", "visible_fraction")
+    rest = {name: marker[name] for name in names}
+    return MarkerTruth(center_xy=points[0], corners_xy=points[1:], side_px=side_px, **rest)
 
 
 def _save(path: Path, image: NDArray[np.uint8]) -> None:

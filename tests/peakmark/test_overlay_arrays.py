@@ -1,0 +1,54 @@
+"""Drawings of arrays: outlines where the array is, pictures untouched, cuttings inside the picture."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from arrays_scene import CAMERA, detections, facing_wall, printed_array
+from peaksim.pose import invert, transform
+
+from peakmark import decode_arrays
+from peakmark.overlay_arrays import cut_out, draw_arrays, draw_polarity, outline_px
+
+IMAGE = np.full((CAMERA.height, CAMERA.width), 120, np.uint8)
+
+
+@pytest.mark.parametrize("roll", [0, 77, 180])
+def test_the_outline_starts_at_the_blank_corner(roll: float) -> None:
+    pose = facing_wall(2.0, 0.0, 0.0, roll)
+    (array,) = decode_arrays(detections(printed_array(5), pose)[0])
+    reach = 0.05 * 1.5
+    blank = CAMERA.project(transform(invert(pose), np.array([[-reach, reach, 0.0]])))[0]
+    assert np.allclose(outline_px(array)[0], blank, atol=0.5)
+
+
+def test_marks_are_drawn_on_a_copy() -> None:
+    found, _ = detections(printed_array(2), facing_wall(1.0, 10.0, 0.0, 0.0))
+    before = IMAGE.copy()
+    drawn = draw_arrays(IMAGE, found, decode_arrays(found), [np.array([50.0, 60.0])])
+    assert drawn.shape == (*IMAGE.shape, 3)
+    assert np.array_equal(IMAGE, before)
+    for d in found:
+        x, y = np.rint(d.xy).astype(int)
+        assert (drawn[y, x] != 120).any()
+    assert (drawn[60, 50] != 120).any()
+    signs = draw_polarity(IMAGE, found)
+    colours = {tuple(c) for c in signs[(signs != 120).any(axis=2)]}
+    assert {(255, 214, 64), (96, 190, 255)} <= colours
+
+
+def test_unsure_arrays_have_a_box_around_them() -> None:
+    found, _ = detections(printed_array(2), facing_wall(1.0, 10.0, 0.0, 0.0))
+    (array,) = decode_arrays(found)
+    box = outline_px(replace(array, code=None, doubt="a marker is missing"))
+    assert all((box.min(axis=0) < d.xy).all() and (d.xy < box.max(axis=0)).all() for d in found)
+    assert np.ptp(box[:, 0]) < 6 * found[0].size
+
+
+@pytest.mark.parametrize("xy", [[[5.0, 5.0]], [[-50.0, 3.0]], [[1e4, 1e4]], [[100.0, 100.0], [200.0, 140.0]]])
+def test_cuttings_are_parts_of_the_picture(xy: list[list[float]]) -> None:
+    part = cut_out(IMAGE, np.array(xy), 10)
+    assert part.size >= 1
+    assert part.shape[0] <= IMAGE.shape[0]
+    if len(xy) == 2:
+        assert part.shape == (60, 120)
