@@ -87,10 +87,15 @@ def rotation_about(axis: str, angle_deg: float) -> NDArray[np.float64]:
     return rotation
 
 
-def interpolate(start: Pose, end: Pose, fraction: float) -> Pose:
-    """Return the pose at `fraction` (0…1) of the way: slerp in rotation, straight in position."""
+def interpolate(start: Pose, end: Pose, fraction: ArrayLike) -> NDArray[np.float64]:
+    """Return the (..., 4, 4) poses at fractions (...), 0…1, of the way: slerp in rotation, straight in position."""
     from scipy.spatial.transform import Rotation
 
+    shares = np.asarray(fraction, dtype=np.float64)[..., None]
     relative = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
-    rotation = start[:3, :3] @ Rotation.from_rotvec(fraction * relative).as_matrix()
-    return compose(rotation, (1 - fraction) * start[:3, 3] + fraction * end[:3, 3])
+    turns = Rotation.from_rotvec((shares * relative).reshape(-1, 3)).as_matrix().reshape(*shares.shape[:-1], 3, 3)
+    poses = np.zeros((*shares.shape[:-1], 4, 4))
+    poses[..., :3, :3] = start[:3, :3] @ turns
+    poses[..., :3, 3] = (1 - shares) * start[:3, 3] + shares * end[:3, 3]
+    poses[..., 3, 3] = 1
+    return poses

@@ -29,7 +29,7 @@ class Shot:
     time_s: float = 0.0
     """Middle of the exposure of the middle row, seconds on the trajectory."""
 
-    @property
+    @cached_property
     def pose(self) -> Pose:
         """(4, 4) `world_from_camera` at mid-exposure of the middle row."""
         return self.trajectory.at(self.time_s)

@@ -61,7 +61,7 @@ class Trajectory:
             return np.repeat(self.world_from_camera, len(times), axis=0)
         if len(self) == 2:
             fractions = (times - self.times_s[0]) / self.duration_s
-            return np.stack([interpolate(self.world_from_camera[0], self.world_from_camera[1], f) for f in fractions])
+            return interpolate(self.world_from_camera[0], self.world_from_camera[1], fractions)
         position, rotation = self._splines
         poses = np.tile(np.eye(4), (len(times), 1, 1))
         poses[:, :3, :3], poses[:, :3, 3] = rotation(times).as_matrix(), position(times)
@@ -76,11 +76,11 @@ class Trajectory:
 
     def speeds_m_s(self, times_s: ArrayLike) -> NDArray[np.float64]:
         """Return the camera's speed at each time, metres a second."""
-        return np.array([np.linalg.norm(self._motion(float(t))[0]) for t in np.atleast_1d(times_s)])
+        return np.asarray(np.linalg.norm(self._motions(times_s)[0], axis=1))
 
     def angular_rates_deg_s(self, times_s: ArrayLike) -> NDArray[np.float64]:
         """Return the camera's angular rate at each time, degrees a second."""
-        return np.array([np.degrees(np.linalg.norm(self._motion(float(t))[1])) for t in np.atleast_1d(times_s)])
+        return np.asarray(np.degrees(np.linalg.norm(self._motions(times_s)[1], axis=1)))
 
     def check_limits(self, speed_m_s: float = np.inf, angular_rate_deg_s: float = np.inf, samples: int = 1000) -> None:
         """Refuse a trajectory that moves faster than allowed, at `samples` even times.
@@ -108,17 +108,19 @@ class Trajectory:
         rotations = Rotation.from_matrix(self.world_from_camera[:, :3, :3])
         return CubicSpline(self.times_s, self.world_from_camera[:, :3, 3]), RotationSpline(self.times_s, rotations)
 
-    def _motion(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return velocity (m/s) and rotation vector rate (rad/s) by a central difference inside the trajectory."""
+    def _motions(self, times_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (n, 3) velocities, m/s, and rotation rates, rad/s, by central differences inside the trajectory."""
         from scipy.spatial.transform import Rotation
 
+        times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         if len(self) == 1:
-            return np.zeros(3), np.zeros(3)
+            return np.zeros((len(times), 3)), np.zeros((len(times), 3))
         step = 1e-4 * self.duration_s
-        start, end = np.clip([time_s - step, time_s + step], self.times_s[0], self.times_s[-1])
-        before, after = self.at(start), self.at(end)
-        turn = Rotation.from_matrix(before[:3, :3].T @ after[:3, :3]).as_rotvec()
-        return (after[:3, 3] - before[:3, 3]) / (end - start), turn / (end - start)
+        starts, ends = np.clip([times - step, times + step], self.times_s[0], self.times_s[-1])
+        before, after = self.poses_at(starts), self.poses_at(ends)
+        turns = Rotation.from_matrix(np.swapaxes(before[:, :3, :3], 1, 2) @ after[:, :3, :3]).as_rotvec()
+        spans = (ends - starts)[:, None]
+        return (after[:, :3, 3] - before[:, :3, 3]) / spans, turns / spans
 
 
 def _fault(times: NDArray[np.float64]) -> str:

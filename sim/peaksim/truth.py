@@ -1,6 +1,5 @@
 """Where every marker truly is in a picture, from the shot's own projection and exact ray casting."""
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 from peaksim.camera import Camera
 from peaksim.frame import MarkerTruth
 from peaksim.pose import invert, transform
-from peaksim.scene import Quad, Scene, rectangle_m
+from peaksim.scene import Scene, rectangle_m
 from peaksim.shutter import Shot
 from peaksim.truth_shape import affinities, ellipses
 
@@ -24,41 +23,24 @@ _MOMENTS = 32
 
 def marker_truth(scene: Scene, shot: Shot) -> tuple[MarkerTruth, ...]:
     """Return one record a marker, in the scene's order."""
-    from peaksim.rays import solids_of
-
-    solids, faces = solids_of(scene, quads=True), face_corners_m(scene)
-    moments = shot.moments(_MOMENTS if shot.is_blurred else 1)
-    return tuple(
-        truth
-        for number, quad in enumerate(scene.quads)
-        if quad.marks
-        for truth in _truths_on(shot, moments, solids, faces, number, quad)
-    )
-
-
-def face_corners_m(scene: Scene) -> NDArray[np.float64]:
-    """Return the (f, 4, 3) world corners of all faces, quads first; a triangle's last corner is repeated."""
-    quads = [quad.corners_m[None] for quad in scene.quads]
-    triangles = [mesh.triangles_m[:, [0, 1, 2, 2]] for mesh in scene.meshes]
-    return np.concatenate([np.zeros((0, 4, 3)), *quads, *triangles])
-
-
-def _truths_on(
-    shot: Shot, moments: tuple[Shot, ...], solids: "Solids", faces: NDArray[np.float64], number: int, quad: Quad
-) -> Iterator[MarkerTruth]:
-    """Yield the truth of one quad's marks."""
-    corners = np.array([rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m)) for mark in quad.marks])
-    centers = corners.mean(axis=1)
+    owners = np.array([number for number, quad in enumerate(scene.quads) for _ in quad.marks], dtype=np.intp)
+    if len(owners) == 0:
+        return ()
+    marks = [mark for quad in scene.quads for mark in quad.marks]
+    corners = np.array([
+        rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m)) for quad in scene.quads for mark in quad.marks
+    ])  # fmt: skip
+    centers, normals = corners.mean(axis=1), np.array([scene.quads[k].world_from_quad[:3, 2] for k in owners])
     centers_xy, corners_xy = shot.project(centers), shot.project(corners.reshape(-1, 3)).reshape(-1, 4, 2)
     eyes = shot.row_poses(np.nan_to_num(centers_xy[:, 1]))[:, :3, 3]
     distances = np.linalg.norm(eyes - centers, axis=1)
-    cosines = ((eyes - centers) * quad.world_from_quad[:3, 2]).sum(axis=1) / np.maximum(distances, 1e-300)
+    cosines = ((eyes - centers) * normals).sum(axis=1) / np.maximum(distances, 1e-300)
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    shares = _visible_fractions(shot, solids, faces, number, quad, corners, corners_xy, cosines > 0)
+    shares = _visible_fractions(scene, shot, owners, corners, corners_xy, cosines > 0)
     shapes = affinities(shot, corners), ellipses(shot, corners)
-    means, covariances = blur(moments, centers)
-    for k, mark in enumerate(quad.marks):
-        yield MarkerTruth(
+    means, covariances = blur(shot.moments(_MOMENTS if shot.is_blurred else 1), centers)
+    return tuple(
+        MarkerTruth(
             name=mark.name,
             kind=mark.kind,
             center_xy=centers_xy[k],
@@ -72,6 +54,15 @@ def _truths_on(
             blur_mean_xy=means[k],
             blur_covariance_px2=covariances[k],
         )
+        for k, mark in enumerate(marks)
+    )
+
+
+def face_corners_m(scene: Scene) -> NDArray[np.float64]:
+    """Return the (f, 4, 3) world corners of all faces, quads first; a triangle's last corner is repeated."""
+    quads = [quad.corners_m[None] for quad in scene.quads]
+    triangles = [mesh.triangles_m[:, [0, 1, 2, 2]] for mesh in scene.meshes]
+    return np.concatenate([np.zeros((0, 4, 3)), *quads, *triangles])
 
 
 def blur(
@@ -87,25 +78,27 @@ def blur(
 
 
 def _visible_fractions(
+    scene: Scene,
     shot: Shot,
-    solids: "Solids",
-    faces: NDArray[np.float64],
-    number: int,
-    quad: Quad,
+    owners: NDArray[np.intp],
     corners: NDArray[np.float64],
     corners_xy: NDArray[np.float64],
     facing: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Return the visible shares of (n, 4, 3) rectangles on a quad: without rays where that is certain."""
+    """Return the visible shares of (n, 4, 3) rectangles on quads of index `owners`: without rays where certain."""
+    from peaksim.rays import solids_of
+
+    solids, faces = solids_of(scene, quads=True), face_corners_m(scene)
     in_camera = transform(invert(shot.pose), corners)
     seen = np.array([_may_be_seen(shot, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
-    hiding = np.delete(faces, number, axis=0)[: None if seen.any() else 0]
-    if not shot.is_rolling:
-        hiding = hiding[may_hide(shot.pose[:3, 3], quad.corners_m, hiding)]
     shares = np.zeros(len(corners))
-    for k in np.flatnonzero(seen):
-        certain = _is_inside(shot, corners_xy[k]) and not _is_hidden(shot, corners[k], corners_xy[k], hiding)
-        shares[k] = 1.0 if certain else visible_fraction(shot, solids, number, corners[k])
+    for number in np.unique(owners[seen]):
+        hiding = np.delete(faces, number, axis=0)
+        if not shot.is_rolling:
+            hiding = hiding[may_hide(shot.pose[:3, 3], scene.quads[number].corners_m, hiding)]
+        for k in np.flatnonzero(seen & (owners == number)):
+            certain = _is_inside(shot, corners_xy[k]) and not _is_hidden(shot, corners[k], corners_xy[k], hiding)
+            shares[k] = 1.0 if certain else visible_fraction(shot, solids, int(number), corners[k])
     return shares
 
 

@@ -33,22 +33,28 @@ def ellipses(shot: Shot, corners_m: NDArray[np.float64]) -> tuple[Ellipse, ...]:
     x, y = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 3] - corners_m[:, 0]
     rims = corners_m.mean(axis=1)[:, None] + _CIRCLE[:, :1] * x[:, None] + _CIRCLE[:, 1:] * y[:, None]
     rims_xy = shot.project(rims.reshape(-1, 3)).reshape(-1, _POINTS, 2)
-    return tuple(_ellipse(rim) for rim in rims_xy)
+    seen = np.asarray(np.isfinite(rims_xy).all(axis=(1, 2)))
+    middles, half_axes, angles = _of_same_moments(np.where(seen[:, None, None], rims_xy, _CIRCLE))
+    nowhere = Ellipse(np.full(2, np.nan), (np.nan, np.nan), np.nan)
+    return tuple(
+        Ellipse(middles[k], (float(half_axes[k, 1]), float(half_axes[k, 0])), float(angles[k])) if seen[k] else nowhere
+        for k in range(len(seen))
+    )
 
 
-def _ellipse(rim_xy: NDArray[np.float64]) -> Ellipse:
-    """Return the ellipse with the moments of a (k, 2) polygon that is inscribed in it."""
-    middle = rim_xy.mean(axis=0)
-    if not np.isfinite(middle).all():
-        return Ellipse(np.full(2, np.nan), (np.nan, np.nan), np.nan)
-    a = rim_xy - middle
-    b = np.roll(a, -1, axis=0)
-    areas = (a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]) / 2
-    total = areas.sum()
-    offset = (areas[:, None] * (a + b)).sum(axis=0) / (3 * total)
-    products = a[:, :, None] * a[:, None] + b[:, :, None] * b[:, None] + (a + b)[:, :, None] * (a + b)[:, None]
-    spread = (areas[:, None, None] * products).sum(axis=0) / (12 * total) - offset[:, None] * offset
-    squares, axes = np.linalg.eigh(spread / _SPREAD)
-    minor, major = 2 * np.sqrt(np.maximum(squares, 0))
-    angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1])) % 180
-    return Ellipse(middle + offset, (float(major), float(minor)), float(angle))
+def _of_same_moments(
+    rims_xy: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return (n, 2) centres, (n, 2) half axes, the shorter first, and (n,) angles of ellipses around polygons."""
+    middles = rims_xy.mean(axis=1)
+    a = rims_xy - middles[:, None]
+    b = np.roll(a, -1, axis=1)
+    areas = (a[..., 0] * b[..., 1] - b[..., 0] * a[..., 1]) / 2
+    totals = areas.sum(axis=1)
+    offsets = (areas[..., None] * (a + b)).sum(axis=1) / (3 * totals[:, None])
+    products = sum(v[..., :, None] * v[..., None, :] for v in (a, b, a + b))
+    spreads = (areas[..., None, None] * products).sum(axis=1) / (12 * totals[:, None, None])
+    spreads -= offsets[:, :, None] * offsets[:, None, :]
+    squares, axes = np.linalg.eigh(spreads / _SPREAD)
+    angles = np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])) % 180
+    return middles + offsets, 2 * np.sqrt(np.maximum(squares, 0)), angles

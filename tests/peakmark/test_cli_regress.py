@@ -29,6 +29,7 @@ def run_folder(folder: Path, made: Record) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_run_accept_compare_and_a_planted_fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     corpus = make_small_corpus(tmp_path)
     for name, options in (("good", ()), ("bad", ("--threshold", 200))):

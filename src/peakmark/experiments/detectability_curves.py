@@ -59,9 +59,11 @@ def panels_of(experiment: str) -> list[list[Curve]]:
 
 def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequence[Curve]]) -> Any:
     """Return response, detection rate and error along one axis, a line of axes a panel."""
+    from matplotlib.ticker import LogLocator
+
     filled = [[(c, found) for c in panel if (found := select(rows, experiment, *c))] for panel in panels]
     filled = [panel for panel in filled if panel]
-    figure, axes = new_figure(3, len(filled), 12, 3.6 * len(filled))
+    figure, axes = new_figure(3, len(filled), 12, 3.6 * len(filled), gap=0.55)
     for panel, line in zip(filled, np.reshape(axes, (-1, 3)), strict=True):
         for colour, (names, found) in zip(COLOURS, panel, strict=False):
             draw_response(line[0], found, colour, ", ".join(filter(None, names)))
@@ -72,6 +74,7 @@ def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequenc
             ax.set(xlabel=LABELS[experiment])
             if experiment in _LOGARITHMIC:
                 ax.set(xscale="log", xlim=(min(x) / 1.1, max(x) * 1.1))
+                ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
                 ax.xaxis.set_major_formatter("{x:g}")
                 ax.xaxis.set_minor_formatter("")
             ax.grid(alpha=0.3)
@@ -87,7 +90,8 @@ def draw_response(ax: Any, curve: Sequence[Row], colour: str, label: str) -> Non
     low, high = (middle * [row[name] / row["response"] for row in found] for name in ("response_p5", "response_p95"))
     ax.plot(x, middle, color=colour, label=label, marker="o", markersize=2.5, linewidth=1.2)
     ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-    ax.set(ylabel="response / undistorted", title="response: median and middle 90 %", ylim=(0, None))
+    ax.set(ylabel="response / undistorted", title="response: median and middle 90 %")
+    ax.set_ylim(0, max(1.25, ax.get_ylim()[1]))
 
 
 def draw_rate(ax: Any, curve: Sequence[Row], colour: str) -> None:

@@ -16,8 +16,10 @@ from peakmark.signature import reference_descriptor
 COLOURS = ("#0969da", "#1a7f37", "#bc4c00", "#8250df", "#cf222e", "#57606a")
 """One a curve."""
 
-def new_figure(columns: int = 1, rows: int = 1, width_in: float = 8.0, height_in: float = 4.0) -> tuple[Any, list[Any]]:
-    """Return a figure and its axes in reading order."""
+def new_figure(
+    columns: int = 1, rows: int = 1, width_in: float = 8.0, height_in: float = 4.0, gap: float = 0.25
+) -> tuple[Any, list[Any]]:
+    """Return a figure and its axes in reading order; `gap` is between their lines, in their heights."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width_in, height_in))
@@ -25,7 +27,7 @@ def new_figure(columns: int = 1, rows: int = 1, width_in: float = 8.0, height_in
     # fixed margins for the labels: a layout engine would draw everything twice to find them
     figure.subplots_adjust(
         left=0.7 / width_in, right=1 - 0.15 / width_in, bottom=0.55 / height_in, top=1 - 0.5 / height_in,
-        wspace=0.25, hspace=0.55,
+        wspace=0.22, hspace=gap,
     )  # fmt: skip
     return figure, axes
 
@@ -75,7 +77,7 @@ def figure_3() -> Any:
 
 def figure_4() -> Any:
     """Return the support of the descriptors beside the markers, and the descriptors of both SURF polarities."""
-    figure, axes = new_figure(2, 2, 9, 6)
+    figure, axes = new_figure(2, 2, 9, 6.5, 0.3)
     for ax, name, side, support in (
         (axes[0], "SURF", 9.0, 20 * 1.2), (axes[1], "SIFT", 12.0, 12.0 / np.sqrt(2)),
     ):  # fmt: skip

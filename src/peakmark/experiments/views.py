@@ -127,7 +127,11 @@ def look(condition: Condition, rng: np.random.Generator) -> View:
 
 
 def draw(condition: Condition, rng: np.random.Generator) -> Drawing:
-    """Draw the scenery at a random sub-pixel phase, and turn, tilt axis and direction where they are free."""
+    """Draw the scenery at a random sub-pixel phase, and turn, tilt axis and direction where they are free.
+
+    The phase is that of pixels. A coarse octave samples every 4 or 8 px; where the marker lies between those samples
+    is the same in all pictures of one size.
+    """
     tilt_axis, turn, direction = (90.0, 0.0, 0.0) if condition.is_centred else rng.uniform(0, 360, 3)
     phase_px = np.zeros(2) if condition.is_centred else rng.uniform(-0.5, 0.5, 2)
     place_sides = rng.uniform(-4, 4, 2)

@@ -40,6 +40,17 @@ def test_the_same_seed_gives_the_same_rows_in_any_process_and_an_interrupted_run
     assert json.loads(json.dumps(measure(first, SMALL.trials, SMALL.seed))) == rows[: len(first.detectors)]
 
 
+def test_an_interrupt_keeps_the_finished_points(tmp_path):
+    def stop(done, of):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    journal = Journal(tmp_path / "points.jsonl", SMALL)
+    with pytest.raises(KeyboardInterrupt):
+        run(SMALL, journal, workers=1, on_point=stop)
+    assert len(finished(SMALL, Journal(journal.path, SMALL))) == len(points(SMALL)[0].detectors)
+
+
 def test_points_that_share_drawings_become_neighbours():
     config = Config(every=3, only=("noise", "contrast", "jpeg", "defocus"))
     ordered = together(points(config))
