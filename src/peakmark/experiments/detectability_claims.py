@@ -46,7 +46,7 @@ def _claim_ditches(rows: Sequence[Row]) -> list[str]:
     ]
     return ["both markers have isolated ditches at mid-scales", "below 90 % at " + "; ".join(texts),
             "SURF's layers leave gaps between their sizes; a SIFT marker is missed where its size meets the seam "
-            "between two octaves, 1.6·2^(k + ½) px, the more so where its centre lies between their samples"]  # fmt: skip
+            "between two octaves, 1.6·2^(k + ½) px, more so where it is centred between their samples"]  # fmt: skip
 
 
 def _claim_turn(rows: Sequence[Row]) -> list[str]:
