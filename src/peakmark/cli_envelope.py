@@ -11,6 +11,7 @@ from peakmark.envelope import REQUIRED, Rates, Reach, distance_m, load_rates, re
 from peakmark.errors import InputError
 from peakmark.results import result_folder, write_json
 
+_OBLIQUE_DEG = 60
 _SIZE_AND_FOCAL = re.compile(r"(\d+)[x×](\d+)@(\d+(?:\.\d+)?)")
 
 
@@ -84,7 +85,9 @@ def _print(title: str, side_m: float, reaches: list[Reach], out: Path) -> None:
                       ", ".join(f"{near:.2f}–{far:.2f} m" for near, far in one.gaps_m))  # fmt: skip
     console = Console()
     console.print(table)
-    console.print(f"{sentence(side_m, reaches[-1])}\nResults: {out / 'envelope.png'}", soft_wrap=True)
+    oblique = [one for one in reaches if one.tilt_deg <= _OBLIQUE_DEG][-1:]
+    lines = [*(sentence(side_m, one) for one in oblique), f"Results: {out / 'envelope.png'}"]
+    console.print("\n".join(lines), soft_wrap=True)
 
 
 def _metres(value: Any) -> str:

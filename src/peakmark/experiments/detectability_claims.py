@@ -46,7 +46,7 @@ def _claim_ditches(rows: Sequence[Row]) -> list[str]:
     ]
     return ["both markers have isolated ditches at mid-scales", "below 90 % at " + "; ".join(texts),
             "SURF's layers leave gaps between their sizes; a SIFT marker is missed where its size meets the seam "
-            "between two octaves, 1.6·2^(k + ½) px, and its centre falls between that octave's samples"]  # fmt: skip
+            "between two octaves, 1.6·2^(k + ½) px, more so where it is centred between their samples"]  # fmt: skip
 
 
 def _claim_turn(rows: Sequence[Row]) -> list[str]:
@@ -83,9 +83,9 @@ def _claim_surf_tilt(rows: Sequence[Row]) -> list[str]:
 
 def _claim_sift_tilt(rows: Sequence[Row]) -> list[str]:
     return ["SIFT's marker leaves the 3 px limit at 35°", _tilt_text(rows, "sift-dark", "sift"),
-            "not an error of place: SIFT's octave samples every 4 px at this size; a marker centred between samples "
-            "(the pictures from 1 and 2 sides) ties with its neighbours and is missed, most often where foreshortening "
-            "brings its size to the seam between two octaves, 1.6·2^3.5 px; one on a sample is found"]  # fmt: skip
+            "not an error of place: near 40° foreshortening brings the size to the seam between two of SIFT's octaves, "
+            "1.6·2^3.5 = 18.1 px, where the marker is missed; how wide that ditch is depends on where its centre lies "
+            "between the octave's samples, 4 px apart"]  # fmt: skip
 
 
 def _claim_noise(rows: Sequence[Row]) -> list[str]:
