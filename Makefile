@@ -5,26 +5,27 @@
 # make parity  our key points against OpenCV's own, where cv2 was built with its SURF
 PYTHON := .venv/bin/python
 READY := .venv/.ready
+TESTS_READY := .venv/.tests-ready
 
 .PHONY: floor test test-all check regress bench parity clean
 
 floor: $(READY)
 	$(PYTHON) scripts/render_floor.py --out out/floor
 
-test: $(READY)
+test: $(TESTS_READY)
 	$(PYTHON) -m pytest -n auto --dist loadfile
 
-test-all: $(READY)
+test-all: $(TESTS_READY)
 	$(PYTHON) -m pytest -n auto --dist loadfile -m "slow or not slow"
 
-regress: $(READY)
+regress: $(TESTS_READY)
 	for suite in floor cave; do \
 	  $(PYTHON) scripts/regress.py run $$suite --quick --quiet --out out/regress/$$suite && \
 	  $(PYTHON) scripts/regress.py compare out/regress/$$suite --baseline tests/baselines/$$suite.json \
 	    --out out/regress/$$suite/compared || exit; \
 	done
 
-check: $(READY)
+check: $(TESTS_READY)
 	.venv/bin/ruff check .
 	.venv/bin/mypy
 
@@ -33,12 +34,16 @@ bench: $(READY)
 	$(PYTHON) benchmarks/bench_surf.py
 	$(PYTHON) benchmarks/bench_render.py
 
-parity: $(READY)
+parity: $(TESTS_READY)
 	PYTHONPATH=tests $(PYTHON) benchmarks/parity_surf.py
 
 $(READY): pyproject.toml tools/install.sh
 	bash tools/install.sh
 	touch $@
+
+$(TESTS_READY): pyproject.toml tools/install.sh
+	bash tools/install.sh test
+	touch $@ $(READY)
 
 clean:
 	rm -rf out .pytest_cache .mypy_cache .ruff_cache .hypothesis

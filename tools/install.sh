@@ -1,8 +1,12 @@
 #!/usr/bin/env bash
-# Makes .venv with everything that peakmark and its tests need; called by make, once for each change of pyproject.toml.
+# Makes .venv with what peakmark needs, with the argument "test" also what its tests and checks need; called by make, once
+# for each change of pyproject.toml.
 # System packages are installed with apt-get where that is allowed; otherwise the exact line is printed and set-up goes on.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+extra=
+[[ ${1:-} == test ]] && extra='[test]'
 
 say() { printf 'install: %s\n' "$*"; }
 
@@ -33,7 +37,7 @@ if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
 fi
 [[ -x .venv/bin/python ]] && .venv/bin/python -m pip --version >/dev/null 2>&1 || { rm -rf .venv; "$python" -m venv .venv; }
 say "Python packages into .venv (a minute or two the first time)"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --editable ".$extra"
 
 has_library() { .venv/bin/python -c "import ctypes, sys; ctypes.CDLL('$1')" 2>/dev/null; }
 gl_packages=(libegl1 libgl1 libgl1-mesa-dri libosmesa6)
@@ -41,10 +45,10 @@ if ! { has_library libEGL.so.1 && has_library libGL.so.1 && has_library libOSMes
   apt_install "OpenGL for off-screen rendering" "${gl_packages[@]}" ||
     say "going on without OpenGL: planar scenes are drawn by the exact renderer"
 fi
-if ! command -v pdftoppm >/dev/null; then
+if [[ -n $extra ]] && ! command -v pdftoppm >/dev/null; then
   apt_install "poppler, which the tests of printed sheets use" poppler-utils || true
 fi
-if ! command -v chromium >/dev/null && ! command -v chromium-browser >/dev/null; then
+if [[ -n $extra ]] && ! command -v chromium >/dev/null && ! command -v chromium-browser >/dev/null; then
   apt_install "chromium, in which the tests look at reports" chromium || true
 fi
 say "ready"
