@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterator
+from ctypes.util import find_library
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,10 @@ from peakmark.regress.run import PICTURE
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; tools/install.sh installs it where it may")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None or find_library("atomic") is None,
+    reason="no chromium, or no libatomic for Playwright; tools/install.sh installs them where it may",
+)
 playwright = pytest.importorskip("playwright.sync_api")
 
 LONG_NAME = "exec:" + "a_program_with_a_long_name" * 6 + " <b>'\""

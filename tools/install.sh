@@ -45,6 +45,9 @@ if ! { has_library libEGL.so.1 && has_library libGL.so.1 && has_library libOSMes
   apt_install "OpenGL for off-screen rendering" "${gl_packages[@]}" ||
     say "going on without OpenGL: planar scenes are drawn by the exact renderer"
 fi
+if [[ -n $extra ]] && ! has_library libatomic.so.1; then
+  apt_install "libatomic, which Mitsuba and Playwright use in the tests" libatomic1 || true
+fi
 if [[ -n $extra ]] && ! command -v pdftoppm >/dev/null; then
   apt_install "poppler, which the tests of printed sheets use" poppler-utils || true
 fi

@@ -14,7 +14,7 @@ from peakmark import plots
 from peakmark.experiments import flight_files, flight_report
 from peakmark.experiments.flight import Flight, FlightConfig, open_flight, shoot
 from peakmark.experiments.flight_course import Step, distances, is_wrong, pose_error, sight, steps, true_pose, ways
-from peakmark.experiments.flight_summary import BINS, figures, recall_by
+from peakmark.experiments.flight_summary import BINS, figures, has_evo, recall_by
 from peakmark.experiments.floor import peak_memory_mb
 from peakmark.experiments.floor_results import write_rows
 from peakmark.film import film
@@ -72,17 +72,19 @@ def _result(flight: Flight, records: Sequence[dict[str, Any]], course: Sequence[
 
 
 def remarks(flight: Flight) -> list[str]:
-    """Return one line for each thing about the flight that makes figures unreliable."""
+    """Return one line for each thing about the flight that makes figures unreliable, or leaves some out."""
     floor_map, step = flight.floor_map, flight.ride.longest_step_m()
     if floor_map is None:
         return ["the markers are not on one level floor: no poses, no motion"]
+    notes = [] if has_evo() else ["trajectory errors are left out: they need evo (pip install 'peakmark[evo]')"]
     if len(floor_map.centers_m) < 2:
-        return []
+        return notes
     gaps = np.linalg.norm(floor_map.centers_m[:, None] - floor_map.centers_m[None], axis=2)
     spacing = float(np.min(gaps + np.diag(np.full(len(gaps), np.inf))))
     if step <= spacing / 2:
-        return []
+        return notes
     return [
+        *notes,
         f"the camera moves up to {step:.2g} m between frames, more than half the markers' spacing of {spacing:.2g} m: "
         "tracks and motion without a map cannot follow"
     ]

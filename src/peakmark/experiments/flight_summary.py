@@ -1,6 +1,7 @@
 """The figures of a flight, with intervals: rates by Wilson, quantiles by bootstrap, both 95 %."""
 
 from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any
 
@@ -151,18 +152,23 @@ def _column(errors: Iterable[tuple[float, float] | None], index: int) -> list[fl
 def motion_figures(
     times_s: NDArray[np.float64], records: Sequence[dict[str, Any]], course: Sequence[Step]
 ) -> dict[str, Any]:
-    """Return evo's errors of both ways to know where the camera is, and what tracking lost."""
+    """Return evo's errors of both ways to know where the camera is, None without evo, and what tracking lost."""
     truth = [true_pose(record) for record in records]
     by_map = [None if step.located is None else step.located.world_from_camera for step in course]
     by_motion = [step.moved for step in course]
     changes, swaps = identity_faults(records, [step.track_ids for step in course])
     return {
-        "map": trajectory_errors(times_s, truth, by_map, is_aligned=False),
-        "motion": trajectory_errors(times_s, truth, by_motion, is_aligned=True),
+        "map": trajectory_errors(times_s, truth, by_map, is_aligned=False) if has_evo() else None,
+        "motion": trajectory_errors(times_s, truth, by_motion, is_aligned=True) if has_evo() else None,
         "motion_lost_frames": sum(pose is None for pose in by_motion),
         "track_changes": changes,
         "track_swaps": swaps,
     }
+
+
+def has_evo() -> bool:
+    """Return whether evo, an extra, is installed."""
+    return find_spec("evo") is not None
 
 
 def speed_figures(records: Sequence[dict[str, Any]]) -> dict[str, float]:
