@@ -9,7 +9,7 @@ from rich.progress import Progress
 from typer import Option
 
 from peakmark.experiments.drive_floor import DriveConfig
-from peakmark.experiments.floor_command import print_table
+from peakmark.experiments.terminal import print_table
 
 
 def drive_floor(

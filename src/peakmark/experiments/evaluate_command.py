@@ -8,7 +8,7 @@ from typer import Option
 
 from peakmark.errors import InputError
 from peakmark.experiments.evaluate_flights import FLIGHTS
-from peakmark.experiments.floor_command import print_table
+from peakmark.experiments.terminal import print_table
 
 
 def evaluate_flights(

@@ -8,6 +8,7 @@ from peakmark.experiments import flight_results
 from peakmark.experiments.evaluate_blank import bare_floors, photographs, silence
 from peakmark.experiments.evaluate_flights import FLIGHTS, flight_config, pooled, read_flight
 from peakmark.experiments.evaluate_stretch import stretch_table
+from peakmark.experiments.flight_report import quantile_rows, rate_row
 from peakmark.report import Section, Table, write_report
 from peakmark.results import result_folder, write_json
 
@@ -85,33 +86,23 @@ def headline(result: dict[str, Any]) -> list[tuple[Any, ...]]:
     """Return name, value, interval and number of cases of the figures that count."""
     found, pose = result["detection"], result["pose"]
     rows = [
-        _rate("recall, markers ≥ 20 px after stretching", found["recall"]),
-        _rate("precision", found["precision"]),
+        rate_row("recall, markers ≥ 20 px after stretching", found["recall"]),
+        rate_row("precision", found["precision"]),
         ("false detections a megapixel", found["false_per_megapixel"], None, None, found["frames"]),
-        _rate("frames whose markers are uniquely detectable", found["uniquely_detectable"]),
+        rate_row("frames whose markers are uniquely detectable", found["uniquely_detectable"]),
     ]
     for title, silent in result.get("blank", {}).items():
-        rows += [_rate(f"{title} without markers that stay silent", v) for k, v in silent.items() if k != "loud"]
+        rows += [rate_row(f"{title} without markers that stay silent", v) for k, v in silent.items() if k != "loud"]
     for name, title in (("rounded", "rounded scale"), ("scale", "scale"), ("refined", "refined shape")):
-        rows += _quantile(f"distance from {title}, relative error", result["distance"][name])
+        rows += quantile_rows(f"distance from {title}, relative error", result["distance"][name])
     rows += [
-        _rate("frames located in the map, each by itself", pose["located_alone"]),
-        _rate("frames located in the map, with tracking", pose["located"]),
+        rate_row("frames located in the map, each by itself", pose["located_alone"]),
+        rate_row("frames located in the map, with tracking", pose["located"]),
         ("wrong poses accepted", pose["wrong"], None, None, pose["located"]["of"]),
-        *_quantile("position with the map (mm)", pose["position_mm"]),
-        *_quantile("rotation with the map (°)", pose["rotation_deg"]),
+        *quantile_rows("position with the map (mm)", pose["position_mm"]),
+        *quantile_rows("rotation with the map (°)", pose["rotation_deg"]),
     ]
     return rows
-
-
-def _rate(name: str, figure: dict[str, Any]) -> tuple[Any, ...]:
-    return name, figure["value"], figure["low"], figure["high"], figure["of"]
-
-
-def _quantile(name: str, figure: dict[str, Any]) -> list[tuple[Any, ...]]:
-    if figure["p50"] is None:
-        return [(f"{name}: p50", None, None, None, 0)]
-    return [(f"{name}: {q}", figure[q], *figure[f"{q}_interval"], figure["of"]) for q in ("p50", "p95")]
 
 
 def _bin(row: dict[str, Any]) -> tuple[Any, ...]:

@@ -79,24 +79,24 @@ def result_rows(result: dict[str, Any]) -> list[tuple[Any, ...]]:
     """Return the headline figures: name, value, interval and number of cases."""
     found = result["detection"]
     rows = [
-        _rate("recall, markers ≥ 20 px after stretching", found["recall"]),
-        _rate("precision", found["precision"]),
+        rate_row("recall, markers ≥ 20 px after stretching", found["recall"]),
+        rate_row("precision", found["precision"]),
         ("false detections a megapixel", found["false_per_megapixel"], None, None, found["frames"]),
-        _rate("frames whose markers are uniquely detectable", found["uniquely_detectable"]),
-        _rate("frames without markers that stay silent", found["silent_without_markers"]),
-        *_quantile("response drop", found["response_drop"]),
-        *_quantile("localisation (px)", found["localisation_px"]),
+        rate_row("frames whose markers are uniquely detectable", found["uniquely_detectable"]),
+        rate_row("frames without markers that stay silent", found["silent_without_markers"]),
+        *quantile_rows("response drop", found["response_drop"]),
+        *quantile_rows("localisation (px)", found["localisation_px"]),
     ]
     for name, title in (("rounded", "rounded scale"), ("scale", "scale"), ("refined", "refined shape")):
         if "distance" in result:
-            rows += _quantile(f"distance from {title}, relative error", result["distance"][name])
+            rows += quantile_rows(f"distance from {title}, relative error", result["distance"][name])
     if "pose" in result:
         rows += [
-            _rate("frames located in the map, each by itself", result["pose"]["located_alone"]),
-            _rate("frames located in the map, with tracking", result["pose"]["located"]),
+            rate_row("frames located in the map, each by itself", result["pose"]["located_alone"]),
+            rate_row("frames located in the map, with tracking", result["pose"]["located"]),
             ("wrong poses accepted", result["pose"]["wrong"], None, None, result["pose"]["located"]["of"]),
-            *_quantile("position with the map (mm)", result["pose"]["position_mm"]),
-            *_quantile("rotation with the map (°)", result["pose"]["rotation_deg"]),
+            *quantile_rows("position with the map (mm)", result["pose"]["position_mm"]),
+            *quantile_rows("rotation with the map (°)", result["pose"]["rotation_deg"]),
         ]
     rows += [row for way in ("map", "motion") for row in _trajectory(way, result.get("motion", {}).get(way))]
     if "motion" in result:
@@ -107,11 +107,13 @@ def result_rows(result: dict[str, Any]) -> list[tuple[Any, ...]]:
     return [*rows, ("frames a second", result["time_s"]["frames_per_second"], None, None, None)]
 
 
-def _rate(name: str, figure: dict[str, Any]) -> tuple[Any, ...]:
+def rate_row(name: str, figure: dict[str, Any]) -> tuple[Any, ...]:
+    """Return a rate as a table's row: name, value, interval, cases."""
     return name, figure["value"], figure["low"], figure["high"], figure["of"]
 
 
-def _quantile(name: str, figure: dict[str, Any]) -> list[tuple[Any, ...]]:
+def quantile_rows(name: str, figure: dict[str, Any]) -> list[tuple[Any, ...]]:
+    """Return the median and the 95th percentile as rows like `rate_row`'s; one row of blanks where there is none."""
     if figure["p50"] is None:
         return [(f"{name}: p50", None, None, None, 0)]
     return [(f"{name}: {q}", figure[q], *figure[f"{q}_interval"], figure["of"]) for q in ("p50", "p95")]

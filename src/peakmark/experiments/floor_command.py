@@ -1,17 +1,16 @@
 """The command behind `scripts/render_floor.py`: arguments, progress, and what the terminal shows."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 from peaksim.rendering import Renderer
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 from typer import Option
 
 from peakmark.experiments.flight import FlightConfig
 from peakmark.experiments.floor import FloorConfig
+from peakmark.experiments.terminal import print_table
 from peakmark.identification import Rule
 
 
@@ -95,15 +94,3 @@ def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) ->
         console.print(f"note: {remark}")
     title = f"{config.trajectory} · {result['renderer']} · seed {config.seed}"
     print_table(console, title, ("figure", "value", "low", "high", "of"), result_rows(result))
-
-
-def print_table(console: Console, title: str, head: tuple[str, ...], rows: Sequence[tuple[Any, ...]]) -> None:
-    """Print a table whose first column names the figures of the others."""
-    from peakmark.report import cell
-
-    table = Table(*head, title=title)
-    for column in table.columns[1:]:
-        column.justify = "right"
-    for name, *values in rows:
-        table.add_row(name, *map(cell, values))
-    console.print(table)
