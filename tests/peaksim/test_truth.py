@@ -101,6 +101,7 @@ def test_patches_weigh_what_they_cover_in_the_picture(seed: int) -> None:
     areas = [polygon_area(shot.project(rectangle_m(marker, (x, y), (1e-3, 1e-3)))) for x, y in centers]
     points = np.array([rectangle_m(marker, (x, y), (1e-3, 1e-3)).mean(axis=0) for x, y in centers])
     weights = area_weights(shot, points, marker.corners_m)
+    assert area_weights(shot, points - 10 * shot.pose[:3, 2], marker.corners_m).tolist() == [0.0] * 20
     assert np.allclose(weights / weights.sum(), np.array(areas) / np.sum(areas), rtol=1e-5)
 
 
