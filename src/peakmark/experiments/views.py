@@ -67,8 +67,8 @@ class Condition:
     off_axis_px: float = 0.0
     """Distance of the marker from the picture's centre, in a random direction."""
     place_px: float = field(default=1.0, repr=False)  # streams are named by the rest
-    """Side of the square, about that place, in which the centre is drawn: 1 px is a phase of pixels, 8 px one of octaves
-    that take every 8th pixel."""
+    """Side of the square, about that place, in which the centre is drawn: 1 px is a pixel's phase, 8 px that of octaves
+    which take every 8th pixel."""
     is_centred: bool = False
     """As the paper has it: no sub-pixel phase, and unturned, tilted about the vertical, moved to the right."""
 
