@@ -53,7 +53,7 @@ class Views(NamedTuple):
 def faces_of(scene: Scene) -> Faces:
     """Return the faces of a scene."""
     quads = np.array([_quad_plane(quad) for quad in scene.quads]).reshape(-1, 3, 3)
-    triangles = triangles_m(scene)
+    triangles = triangles_m(scene.meshes)
     planes = np.concatenate([quads, triangles - triangles[:, :1] * [[0], [1], [1]]])
     table = np.ones((len(planes), 12))
     table[:, START : CONTRAST + 1] = (-1, 0, 0, 0)
@@ -71,9 +71,9 @@ def faces_of(scene: Scene) -> Faces:
     return Faces(np.ascontiguousarray(planes), table, texels)
 
 
-def triangles_m(scene: Scene) -> NDArray[np.float64]:
+def triangles_m(meshes: tuple[Mesh, ...]) -> NDArray[np.float64]:
     """Return the (m, 3, 3) world corners of all triangles, in mesh order."""
-    return np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
+    return np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in meshes)])
 
 
 def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
