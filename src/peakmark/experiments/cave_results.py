@@ -1,7 +1,6 @@
 """Writes what the CAVE experiment found: pictures, film, tables, report.html and result.json."""
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
@@ -14,8 +13,8 @@ from peaksim.frame import error_budget
 from peakmark import plots
 from peakmark.experiments.cave import CaveConfig, View, marker_rows, open_cave, walk
 from peakmark.experiments.floor import peak_memory_mb
-from peakmark.experiments.floor_results import FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX, write_rows
-from peakmark.film import film
+from peakmark.experiments.floor_results import write_rows
+from peakmark.film import filmed
 from peakmark.overlay_arrays import cut_out, draw_arrays, draw_polarity
 from peakmark.report import Section, Table, jpeg_uri, svg_uri, write_report
 from peakmark.results import result_folder, write_json
@@ -40,19 +39,14 @@ def run(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambd
         For a faulty configuration, scene or folder; `out` is then as it was.
     """
     start = perf_counter()
-    with result_folder(out) as folder, ExitStack() as stack:
+    with result_folder(out) as folder:
         setup = open_cave(config)
         load_s = perf_counter() - start
         on_step()
-        append = None
-        if config.frames > 1:
-            append = stack.enter_context(film(folder / "walk.mp4", FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX))
         rows: list[dict[str, Any]] = []
-        for view in walk(setup, config):
+        film = folder / "walk.mp4" if config.frames > 1 else None
+        for view, picture in filmed(walk(setup, config), overlay, film):
             rows.append(view.row())
-            picture = overlay(view)
-            if append is not None:
-                append(picture)
             if view.index == 0:
                 first, figures = view, write_pictures(folder, view, picture)
             on_step()
