@@ -117,6 +117,9 @@ def _write_shard(store: Store, configuration: Configuration, folder: Path, shard
             if archive is not None:
                 archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.picture)
                 archive.add(f"{layout.frame_key(index)}.json", sample.record)
+    if spec.store.files:
+        store.settle(name for index in layout.shard_frames(spec, shard)
+                     for name in (layout.picture_name(spec, index), layout.record_name(spec, index)))  # fmt: skip
     sums.seal(layout.shard_sums_name(shard))
     return rendered
 
@@ -132,9 +135,9 @@ def _render(configuration: Configuration, folder: Path, index: int) -> Sample:
 
 
 def _write_files(store: Store, configuration: Configuration, index: int, sample: Sample) -> None:
-    """Write the picture, then the record that vouches for it."""
-    write(store, layout.picture_name(configuration.spec, index), sample.picture)
-    write(store, layout.record_name(configuration.spec, index), sample.record)
+    """Write the picture, then the record that vouches for it; what a loss of power tears does not fit together."""
+    write(store, layout.picture_name(configuration.spec, index), sample.picture, lasting=False)
+    write(store, layout.record_name(configuration.spec, index), sample.record, lasting=False)
 
 
 def finished(store: Store, configuration: Configuration, index: int, there: set[str]) -> Sample | None:
