@@ -32,6 +32,8 @@ class Job:
     """Its folder or URL; corpus.json is there."""
     folder: str
     """Where the specification's scenes and trajectories are."""
+    configuration_sha256: str
+    """Of its corpus.json."""
 
 
 class Sums:
@@ -68,9 +70,11 @@ def open_job(job: Job) -> tuple[Store, Configuration]:
     Raises
     ------
     InputError
-        If this machine cannot read it, or has other versions of what makes the bytes.
+        If this machine cannot read it, finds another one there, or has other versions of what makes the bytes.
     """
     store = open_store(job.dest)
+    if sha256(store.read(layout.CONFIGURATION)).hexdigest() != job.configuration_sha256:
+        raise InputError(f"{job.dest}: expected the {layout.CONFIGURATION} of this run, found another one")
     configuration = read_configuration(store)
     here = versions()
     for package, there in configuration.versions.items():
