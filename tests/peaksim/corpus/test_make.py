@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 from corpus_helpers import child_environment, complaints, contents, is_alive, run_make, tiny_spec, wait_until
 from peaksim.corpus import check_corpus, in_process, make_corpus, open_corpus, processes
+from peaksim.corpus.write import Job, write_shard
 from peaksim.errors import InputError, SceneError
 
 
@@ -185,6 +187,20 @@ def test_other_versions_are_refused(folder: Path, tmp_path: Path) -> None:
     file.write_text(file.read_text().replace(f'"numpy": "{__import__("numpy").__version__}"', '"numpy": "1.0"'))
     with pytest.raises(InputError, match=r"versions\.numpy is '1\.0' there and"):
         make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+
+
+def test_another_corpus_in_a_place_that_was_emptied_is_that_one(folder: Path, tmp_path: Path) -> None:
+    make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+    shutil.rmtree(tmp_path / "c")
+    make_corpus(tiny_spec(seed=6), folder, str(tmp_path / "c"))
+    make_corpus(tiny_spec(seed=6), folder, str(tmp_path / "other"))
+    assert contents(tmp_path / "c") == contents(tmp_path / "other")
+
+
+def test_a_worker_that_finds_another_configuration_refuses(folder: Path, tmp_path: Path) -> None:
+    make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+    with pytest.raises(InputError, match=r"expected the corpus\.json of this run, found another one"):
+        write_shard(Job(str(tmp_path / "c"), str(folder), "0" * 64), 0)
 
 
 def test_a_folder_with_other_files_is_refused_and_untouched(folder: Path, tmp_path: Path) -> None:
