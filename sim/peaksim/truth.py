@@ -247,7 +247,7 @@ def area_weights(shot: Shot, points: NDArray[np.float64], corners: NDArray[np.fl
     """Return the image area, in any unit, of equal patches of a plane at (n, 3) points."""
     if shot.camera.is_pinhole and not shot.is_rolling:
         depths_m = (points - shot.pose[:3, 3]) @ shot.pose[:3, 2]
-        return np.where(depths_m > 0, np.maximum(depths_m, 1e-300) ** -3.0, 0.0)
+        return np.where(depths_m > 0, np.maximum(depths_m, 1e-9) ** -3.0, 0.0)
     step = 1e-4
     u, v = step * (corners[1] - corners[0]), step * (corners[3] - corners[0])
     along_u = shot.project(points + u) - shot.project(points - u)
