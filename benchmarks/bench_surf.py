@@ -5,7 +5,6 @@ with `baseline.json`; `--update` writes them there. OpenCV's own SURF takes part
 """
 
 import argparse
-import json
 import subprocess
 import sys
 import tempfile
@@ -16,6 +15,7 @@ from time import perf_counter
 
 import cv2
 import numpy as np
+from baseline import Ratios, compare
 from pictures import Picture, benchmark_pictures
 from rich.console import Console
 from rich.table import Table
@@ -25,12 +25,8 @@ from stages import time_stages
 from peakmark.detectors import has_opencv_surf
 from peakmark.parallel import thread_count
 
-BASELINE = Path(__file__).with_name("baseline.json")
-TOLERANCE = 0.15
-"""Ratios that differ by less are the same."""
 TARGETS = {"detect": 6.0, "detect + describe": 5.0, "strongest 200": 14.0}
 """Least ratio to OpenCV's SURF."""
-Ratios = dict[str, float]
 
 
 def main() -> None:
@@ -45,10 +41,7 @@ def main() -> None:
         console.print(speed_table(name, times))
         console.print(stage_table(name, gray))
         console.print(memory_line(name, gray))
-    baseline = json.loads(BASELINE.read_text(encoding="utf-8")) if BASELINE.exists() else {}
-    console.print(comparison(ratios, baseline))
-    if arguments.update:
-        BASELINE.write_text(json.dumps(baseline | ratios, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    compare(console, ratios, update=arguments.update)
 
 
 def parse() -> argparse.Namespace:
@@ -130,26 +123,6 @@ def peak_memory(library: str, gray: Picture) -> tuple[float, float]:
         run = subprocess.run([sys.executable, script, library, str(path)], capture_output=True, text=True, check=True)
     loaded, call = map(float, run.stdout.split())
     return loaded, call
-
-
-def comparison(ratios: Ratios, baseline: Ratios) -> Table:
-    """Each ratio beside the baseline's."""
-    table = Table(title="against the baseline (their time over ours; more is better)", title_justify="left")
-    for column in ("", "now", "baseline", "verdict"):
-        table.add_column(column, justify="right" if column in ("now", "baseline") else "left")
-    for key, now in ratios.items():
-        before = baseline.get(key)
-        table.add_row(key, f"{now:.2f}", "–" if before is None else f"{before:.2f}", verdict(now, before))
-    return table
-
-
-def verdict(now: float, before: float | None) -> str:
-    """Say better, same or worse; new where the baseline has none."""
-    if before is None:
-        return "new"
-    if abs(now / before - 1) <= TOLERANCE:
-        return "same"
-    return "better" if now > before else "worse"
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ _PIECES = 8192
 
 Rays = NDArray[np.float64]
 Levels = NDArray[np.float32]
+Lists = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
 
 
 class Seen(NamedTuple):
@@ -80,7 +81,7 @@ def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64]) -> Level
         rays = band_rays(camera, rows) if lattice is None else lattice[rows.start : rows.stop + 1]
         band_poses = poses if still else poses[rows]
         views = still or look(seen.faces, band_poses)
-        draw_split(seen, views, band_poses[:, :3, 3], rays, out[rows])
+        draw_split(seen, views, band_poses[:, :3, 3], rays, cells_in_tiles(views, rays), out[rows])
 
     in_threads(band, range(0, camera.height, BAND_ROWS))
     return out
@@ -99,9 +100,8 @@ def see(scene: Scene) -> Seen:
 # --- one band of rows: (h, w, channels) pixels between (h + 1, w + 1, 3) corners ---------------------------------
 
 
-def draw_split(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, out: Levels) -> None:
+def draw_split(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, cells: Cells, out: Levels) -> None:
     """Write a band with pixels split where depth is steep; `eyes` is (1 or h, 3), the camera's place."""
-    cells = cells_in_tiles(views, rays)
     across, down = splits(views, rays, cells)
     if across == down == 1:
         draw_band(seen, views, eyes, rays, cells, out)
@@ -132,15 +132,25 @@ def draw_band(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, c
 def draw_mixed(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, cells: Cells, out: Levels) -> None:
     """Write the pixels of a band that several faces share."""
     most = max(_PIECES, int(cells.counts.max()) * MAX_PIECES)
-    lists = np.empty((most, MAX_VERTICES, 2)), np.empty((most, 4), np.int64), np.empty(most)
+    lists = new_lists(most)
     first = 0
     while first < cells.owners.size:
         n, first = cut_mixed(rays, views.sides, *cells, seen.background, first, *lists, out)
-        if len(seen.lights):
-            from peaksim.area_light import light_pieces
+        draw_pieces(seen, views, eyes, n, lists, out)
 
-            light_pieces(*_lighting(seen, eyes), n, *lists)
-        add_pieces(views.printed, seen.faces.table, seen.faces.texels, n, *lists, out)
+
+def new_lists(most: int) -> Lists:
+    """Return room for pieces of pixels: `polygons`, `pieces` and `shares` of `cut_mixed`."""
+    return np.empty((most, MAX_VERTICES, 2)), np.empty((most, 4), np.int64), np.empty(most)
+
+
+def draw_pieces(seen: Seen, views: Views, eyes: NDArray[np.float64], n: int, lists: Lists, out: Levels) -> None:
+    """Add the first n pieces to a band."""
+    if len(seen.lights):
+        from peaksim.area_light import light_pieces
+
+        light_pieces(*_lighting(seen, eyes), n, *lists)
+    add_pieces(views.printed, seen.faces.table, seen.faces.texels, n, *lists, out)
 
 
 def _lighting(seen: Seen, eyes: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
@@ -152,40 +162,59 @@ def _lighting(seen: Seen, eyes: NDArray[np.float64]) -> tuple[NDArray[Any], ...]
 
 def cells_in_tiles(views: Views, rays: Rays) -> Cells:
     """Return what a band sees, each tile being a cell."""
-    tiles = faces_in_tiles(views, rays)
-    height, width = rays.shape[0] - 1, rays.shape[1] - 1
-    cells = np.broadcast_to(np.arange(width) // TILE, (height, width)).copy()
-    owners = np.empty((height, width), np.int64)
-    find_owners(rays, views.sides, cells, *tiles, owners)
-    return Cells(owners, cells, tiles.found, tiles.counts)
+    tiles = faces_in_tiles(views, rays, np.arange(views.sides.shape[1]))
+    return owned(views, rays, tile_cells(rays), tiles)
 
 
-class InTiles(NamedTuple):
-    """Which faces each tile of a band may see."""
+class InCells(NamedTuple):
+    """Which faces each cell of a band may see."""
 
     found: NDArray[np.int64]
-    """(t, n) faces, ascending."""
+    """(t, n) faces."""
     counts: NDArray[np.int64]
     """(t,) how many of them."""
     alone: NDArray[np.int64]
-    """(t,) the face that fills the tile, NOTHING, or MIXED."""
+    """(t,) owner of all its pixels, MIXED where they have to be looked at."""
 
 
-def faces_in_tiles(views: Views, rays: Rays) -> InTiles:
-    """Return which faces each tile of a band may see."""
-    ranges = np.stack([views.sides.min(axis=0), views.sides.max(axis=0)])
-    boxes = tile_boxes(rays)
+def tile_cells(rays: Rays) -> NDArray[np.int64]:
+    """Return the (h, w) tile of each pixel of a band."""
+    height, width = rays.shape[0] - 1, rays.shape[1] - 1
+    return np.broadcast_to(np.arange(width) // TILE, (height, width)).copy()
+
+
+def owned(views: Views, rays: Rays, cells: NDArray[np.int64], faces: InCells) -> Cells:
+    """Return what a band sees, given the (h, w) cell of each pixel."""
+    owners = np.empty_like(cells)
+    find_owners(rays, views.sides, cells, *faces, owners)
+    return Cells(owners, cells, faces.found, faces.counts)
+
+
+def faces_in_tiles(views: Views, rays: Rays, faces: NDArray[np.int64]) -> InCells:
+    """Return which of some faces each tile of a band may see."""
+    ranges, boxes = side_ranges(views), tile_boxes(rays)
+    if len(faces) == 0:
+        empty = np.zeros((len(boxes), 0), np.int64)
+        return InCells(empty, np.zeros(len(boxes), np.int64), np.full(len(boxes), NOTHING))
     whole = np.concatenate([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])[None]
-    in_band = _find(ranges, whole, np.arange(views.sides.shape[1]))
-    return _find(ranges, boxes, in_band.found[0, : in_band.counts[0]])
+    in_band = seen_in(ranges, whole, faces[None], np.full(1, len(faces)))
+    n = in_band.counts[0]
+    return seen_in(ranges, boxes, np.repeat(in_band.found[:, :n], len(boxes), axis=0), np.full(len(boxes), n))
 
 
-def _find(ranges: NDArray[np.float64], boxes: NDArray[np.float64], source: NDArray[np.int64]) -> InTiles:
-    found, states = np.zeros((2, len(boxes), len(source) + 1), np.int64)
-    counts = np.zeros(len(boxes), np.int64)
-    find_faces(ranges, boxes, source, found, states, counts)
-    alone = np.where((counts == 1) & (states[:, 0] == COVERS), found[:, 0], MIXED)
-    return InTiles(found, counts, np.where(counts == 0, NOTHING, alone))
+def side_ranges(views: Views) -> NDArray[np.float64]:
+    """Return the (2, f, 5, 3) least and largest sides over the poses."""
+    return np.stack([views.sides.min(axis=0), views.sides.max(axis=0)])
+
+
+def seen_in(ranges: NDArray[np.float64], boxes: NDArray[np.float64], found: NDArray[np.int64],
+            counts: NDArray[np.int64]) -> InCells:  # fmt: skip
+    """Return which of the faces found in (t, 6) boxes of directions may truly be seen there; see `find_faces`."""
+    found, counts, states = found.copy(), counts.copy(), np.zeros((len(boxes), found.shape[1] + 1), np.int64)
+    find_faces(ranges, boxes, found, states, counts)
+    first = np.concatenate([found, np.full((len(boxes), 1), NOTHING)], axis=1)[:, 0]
+    alone = np.where((counts == 1) & (states[:, 0] == COVERS), first, MIXED)
+    return InCells(found, counts, np.where(counts == 0, NOTHING, alone))
 
 
 def tile_boxes(rays: Rays) -> NDArray[np.float64]:

@@ -57,8 +57,8 @@ def in_front(ranges, front, back, box, gaps):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def find_faces(ranges, boxes, source, found, states, counts):  # type: ignore[no-untyped-def]
-    """Write which faces each box of directions may see.
+def find_faces(ranges, boxes, found, states, counts):  # type: ignore[no-untyped-def]
+    """Keep of the faces of each box of directions those that it may see.
 
     Parameters
     ----------
@@ -66,18 +66,19 @@ def find_faces(ranges, boxes, source, found, states, counts):  # type: ignore[no
         (2, f, 5, 3) least and largest `Faces.sides` of all faces over the poses.
     boxes
         (t, 6) least and largest directions.
-    source
-        (n,) faces to look at, ascending.
-    found, states, counts
-        (t, n) faces found and how they lie to the box, (t,) their number.
+    found, counts
+        (t, n) faces of each box and (t,) their number; those that are hidden or outside are taken out.
+    states
+        (t, n) written: how the faces lie to the box.
     """
     gaps = np.empty((2, 3))
     for tile in range(boxes.shape[0]):
         m = 0
-        for k in range(source.size):
-            state = box_state(ranges, source[k], boxes[tile])
+        for k in range(counts[tile]):
+            face = found[tile, k]
+            state = box_state(ranges, face, boxes[tile])
             if state != OUTSIDE:
-                found[tile, m] = source[k]
+                found[tile, m] = face
                 states[tile, m] = state
                 m += 1
         kept = 0

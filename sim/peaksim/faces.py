@@ -135,15 +135,32 @@ def look(faces: Faces, poses: NDArray[np.float64]) -> Views:
     )
 
 
+def distances(faces: Faces, eye: NDArray[np.float64]) -> tuple[float, float]:
+    """Return a distance that no face comes nearer than, and the one of the farthest corner, metres; (inf, 0) if empty.
+
+    The first is the larger one of a face's distance from its plane and from the ball around it.
+    """
+    corners = _corners(faces)
+    middles = (corners[1] + corners[2]) / 2
+    radii = np.linalg.norm(corners - middles, axis=2).max(axis=0)
+    from_plane = np.abs(((faces.planes[:, 0] - eye) * faces.table[:, NORMAL:]).sum(axis=1))
+    nearest = np.maximum(from_plane, np.linalg.norm(middles - eye, axis=1) - radii)
+    return float(nearest.min(initial=np.inf)), float(_farthest(faces, eye).max(initial=0))
+
+
 def _farthest(faces: Faces, eye: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (f,) distance of each face's farthest corner from a point, metres."""
+    return np.asarray(np.linalg.norm(_corners(faces) - eye, axis=2).max(axis=0))
+
+
+def _corners(faces: Faces) -> NDArray[np.float64]:
+    """Return the (4, f, 3) corners: first one, ends of both sides, and the fourth, which repeats a triangle's first."""
     p, q = faces.table[:, EXTENT_P], faces.table[:, EXTENT_Q]
     is_quad = faces.table[:, START] >= 0
-    corners = [
+    return np.stack([
         faces.planes[:, 0] + (a * p)[:, None] * faces.planes[:, 1] + (b * q)[:, None] * faces.planes[:, 2]
         for a, b in ((0, 0), (1, 0), (0, 1), (is_quad, is_quad))
-    ]
-    return np.asarray(np.linalg.norm(np.stack(corners) - eye, axis=2).max(axis=0))
+    ])  # fmt: skip
 
 
 def _duals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -11,7 +11,7 @@ from peaksim.camera import Camera
 from peaksim.pose import Pose
 from peaksim.shutter import Shot
 
-TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 1.0}
+TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
 """Error budget of each renderer: rms over a picture against the area integral, grey levels."""
 
 

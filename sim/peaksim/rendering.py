@@ -42,7 +42,8 @@ def render(
         (4, 4) pose; or a trajectory, along which the camera moves while its rows are exposed one after another
         (`row_time_s`) and each over some time (`exposure_s`).
     renderer
-        "exact" draws without GL, "gl" with pyrender, "auto" with GL where a context opens and can draw this.
+        "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and
+        can draw this.
     time_s
         Mid-exposure of the middle row on the trajectory; kept in the frame.
 
@@ -56,7 +57,7 @@ def render(
     shot = _shot(camera, world_from_camera, time_s)
     if renderer not in ("auto", "exact", "gl"):
         raise SceneError(f'renderer: expected "auto", "exact" or "gl", got {renderer!r}')
-    chosen = choose(scene, shot, renderer)
+    chosen = choose(shot, renderer)
     linear, gl_renderer = draw(scene, shot, chosen)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
@@ -81,38 +82,28 @@ def _shot(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: flo
     return still(camera, rigid(world_from_camera, "world_from_camera"))
 
 
-def choose(scene: Scene, shot: Shot, renderer: Renderer) -> Literal["exact", "gl"]:
+def choose(shot: Shot, renderer: Renderer) -> Literal["exact", "gl"]:
     """Return the renderer to use; "auto" takes GL where a context opens and can draw this.
 
     Raises
     ------
     SceneError
-        If "gl" is asked for what only "exact" draws: lights, a distorting lens, a rolling shutter.
+        If "gl" is asked for what only "exact" draws: a rolling shutter.
     """
     if renderer == "exact":
         return "exact"
-    beyond_gl = _beyond_gl(scene, shot)
     if renderer == "gl":
-        if beyond_gl:
-            raise SceneError(f'renderer: expected "exact" or "auto" for {beyond_gl}, got "gl"')
+        if shot.is_rolling:
+            raise SceneError('renderer: expected "exact" or "auto" for a rolling shutter, got "gl"')
         return "gl"
+    if shot.is_rolling:
+        return "exact"
     from peaksim import render_gl
 
-    if beyond_gl:
-        return "exact"
     if render_gl.is_available():
         return "gl"
     _say_once("no OpenGL context opens here: going on with the exact renderer, which needs none")
     return "exact"
-
-
-def _beyond_gl(scene: Scene, shot: Shot) -> str:
-    """Return what OpenGL's renderer cannot draw, empty for nothing."""
-    if scene.lights:
-        return "lights"
-    if not shot.camera.is_pinhole:
-        return "lens distortion"
-    return "a rolling shutter" if shot.is_rolling else ""
 
 
 @cache

@@ -113,12 +113,13 @@ def verified(
 def _detections(
     features: Keypoints, columns: NDArray[np.float64], rows: NDArray[np.intp], refined: Refined
 ) -> list[Detection]:
+    sides_px = refined.side_px
     good = aligned_evidence(columns[rows], refined) @ WEIGHTS[:-1] + WEIGHTS[-1] > 0
     return [
         Detection(
             id=int(row),
             xy=refined.xy[k],
-            size=float(refined.side_px[k]),
+            size=float(sides_px[k]),
             polarity=_POLARITIES[int(features.laplacian[row] > 0)],
             response=float(features.response[row]),
             signature_distance=float(columns[row, 1]),

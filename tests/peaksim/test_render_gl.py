@@ -4,23 +4,33 @@ import hashlib
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from helpers import needs_gl
-from peaksim import Camera, Light, Mesh, Quad, Scene, Texture, render, render_gl
+from peaksim import Camera, Light, Mesh, Quad, Scene, Texture, Trajectory, render, render_gl, render_gl_context
 from peaksim.area_integral import integrate
 from peaksim.errors import RendererError, SceneError
-from peaksim.pose import compose, look_at
+from peaksim.pose import compose, look_at, rotation_about
 
 sys.path.insert(0, str(Path(__file__).parent))
+from area_reference import area_integral
+from test_area_light import LIGHTS, furniture
 from views import random_view
 
 pytestmark = needs_gl
 ROOT = Path(__file__).resolve().parents[2]
 POSE = look_at([0, -2.0, 1.5], [0, 0.5, 0])
 CAMERA = Camera(width=160, height=120, fx=140.0, fy=140.0, cx=79.5, cy=59.5)
+LENSES = {
+    "brown": replace(CAMERA, distortion=(-0.28, 0.09, 0.001, -0.002, -0.01)),
+    "rational": replace(CAMERA, distortion=(0.1, -0.05, 0.001, 0.0005, 0.02, 0.35, -0.02, 0.01)),
+    "fisheye": Camera(160, 120, 70.0, 70.0, 79.0, 60.0, (-0.02, 0.004, -0.001, 0.0002), model="fisheye"),
+    "fisheye past a half space": Camera(160, 120, 45.0, 45.0, 79.5, 59.5, (), model="fisheye"),
+}
 DRAW = (
     "import hashlib; from views import random_view; from peaksim import render_gl; v = random_view(4, 160, 120);"
     "print(hashlib.sha256(render_gl.integrate(v.scene, v.camera, v.pose).tobytes()).hexdigest())"
@@ -32,30 +42,122 @@ def chequered_floor() -> Scene:
     return Scene((Quad("floor", Texture.from_array(chequer.astype(np.uint8)), (4.0, 4.0), np.eye(4)),))
 
 
+def differences(scene: Scene, camera: Camera, pose: np.ndarray) -> np.ndarray:
+    """Return how far the two renderers' linear grey levels lie apart."""
+    return np.abs(render_gl.integrate(scene, camera, pose) - integrate(scene, camera, pose[None]))
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
 @pytest.mark.parametrize("seed", [0, 7, 11])
 def test_it_agrees_with_the_exact_renderer(seed: int) -> None:
     view = random_view(seed, 240, 180)
-    difference = render_gl.integrate(view.scene, view.camera, view.pose) - integrate(
-        view.scene, view.camera, view.pose[None]
-    )
-    assert np.sqrt((difference**2).mean()) < 1
+    assert rms(differences(view.scene, view.camera, view.pose)) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 130))
+def test_it_agrees_with_the_exact_renderer_from_thirty_random_poses(seed: int) -> None:
+    view = random_view(seed, 240, 180)
+    assert rms(differences(view.scene, view.camera, view.pose)) < 0.01
+
+
+@pytest.mark.parametrize("seed", [2, 9])
+def test_it_is_the_area_integral(seed: int) -> None:
+    assert_is_area_integral(seed, 32, 96, 72)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(30))
+def test_it_is_the_area_integral_from_thirty_random_poses(seed: int) -> None:
+    assert_is_area_integral(seed, 64, 160, 120)
+
+
+def assert_is_area_integral(seed: int, samples: int, width: int, height: int) -> None:
+    view = random_view(seed, width, height)
+    reference = area_integral(view.scene, view.camera, view.pose, samples)
+    picture = np.clip(np.rint(render_gl.integrate(view.scene, view.camera, view.pose)), 0, 255)
+    assert rms(picture - reference) < 0.5
+    assert np.quantile(np.abs(picture - reference), 0.999) < 3
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_it_sees_through_lenses(name: str) -> None:
+    view = random_view(5, 160, 120)
+    assert rms(differences(view.scene, LENSES[name], view.pose)) < 0.1
+
+
+@pytest.mark.parametrize("name", ["ambient", "directional", "point"])
+def test_light_and_shadow_are_those_of_the_exact_renderer(name: str) -> None:
+    plainly = furniture(3)
+    scene = Scene(plainly.quads, plainly.meshes, LIGHTS[name], background=30.0)
+    assert rms(differences(scene, CAMERA, look_at([1.5, -2.0, 1.4], [0, 0, 0.2]))) < 0.05
+
+
+def test_a_mesh_of_many_small_triangles_is_drawn_as_by_the_exact_renderer() -> None:
+    ball = trimesh.creation.icosphere(2, radius=0.5)
+    mesh = Mesh("ball", ball.vertices, ball.faces, compose(np.eye(3), [0, 0, 0.5]), (200.0,) * 3)
+    scene = Scene(chequered_floor().quads, (mesh,), (Light("directional", 1.0, direction=(0.3, 0.8, -1.0)),))
+    assert rms(differences(scene, Camera(16, 12, 12.0, 12.0, 7.5, 5.5), POSE)) < 1
+
+
+def test_pixels_of_very_many_quads_are_the_mean_of_their_parts() -> None:
+    textures = [Texture.from_array(np.full((1, 1), level, np.uint8)) for level in (20, 90, 250)]
+    tiles = tuple(Quad(f"{i} {j}", textures[(i + 2 * j) % 3], (0.02, 0.02), compose(np.eye(3), [i / 50, j / 50, 0]))
+                  for i in range(-8, 8) for j in range(25))  # fmt: skip
+    camera, pose = Camera(24, 16, 20.0, 20.0, 11.5, 7.5), look_at([0.003, -0.2, 0.12], [0, 0.8, 0])
+    gl, exact = render_gl.integrate(Scene(tiles), camera, pose), integrate(Scene(tiles), camera, pose[None])
+    assert rms(gl - exact) < 5
+    assert abs((gl - exact).mean()) < 0.5
+
+
+@pytest.mark.parametrize("width_px", [0.5, 0.1, 0.02])
+def test_quads_thinner_than_a_sample_are_not_lost(width_px: float) -> None:
+    white = Texture.from_array(np.full((1, 1), 255, np.uint8))
+    strips = tuple(Quad(f"{k}", white, (width_px / 140, 0.5), compose(np.eye(3), [8.11 * k / 140, 0, 0]))
+                   for k in range(-9, 9))  # fmt: skip
+    above = compose(np.diag([1.0, -1.0, -1.0]), [0, 0, 1.0])
+    assert differences(Scene(strips, background=0.0), CAMERA, above).max() < 0.01
+
+
+def test_of_quads_that_lie_on_each_other_the_later_one_is_seen() -> None:
+    floor = chequered_floor().quads
+    plain = [Texture.from_array(np.full((1, 1), 20 * k, np.uint8)) for k in range(1, 9)]
+    cards = tuple(Quad(f"card{k}", texture, (0.6, 0.6), compose(rotation_about("z", 20 * k), [0.2 * k - 1, 0.1 * k, 0]))
+                  for k, texture in enumerate(plain))  # fmt: skip
+    assert set(render_gl.touching(Scene(floor + cards))) == {0}
+    assert differences(Scene(floor + cards), CAMERA, POSE).max() < 0.1
+
+
+def test_quads_side_by_side_do_not_touch() -> None:
+    white = Texture.from_array(np.full((1, 1), 255, np.uint8))
+    places = [compose(rotation_about("z", 30), rotation_about("z", 30) @ [0.1 * k, 0, 0]) for k in range(5)]
+    row = tuple(Quad(f"{k}", white, (0.1, 0.1), place) for k, place in enumerate(places))
+    above = Quad("above", white, (1.0, 1.0), compose(np.eye(3), [0, 0, 0.002]))
+    assert set(render_gl.touching(Scene((*row, above)))) == {-1}
 
 
 def test_it_draws_meshes_where_the_exact_renderer_does() -> None:
     corners = np.array([[-0.3, 0, 0.1], [0.4, 0, 0.1], [0, 0.2, 0.9]])
     mesh = Mesh("sail", corners, np.array([[0, 1, 2]]), color=(30.0, 30.0, 30.0))
     scene = Scene(chequered_floor().quads, (mesh,))
-    gl, exact = (render(scene, CAMERA, POSE, renderer=name).linear for name in ("gl", "exact"))
-    assert np.sqrt(((gl - exact) ** 2).mean()) < 1
-    assert exact[59, 79] == 30
+    assert differences(scene, CAMERA, POSE).max() < 0.1
+    assert render_gl.integrate(scene, CAMERA, POSE)[59, 79] == 30
+
+
+def test_a_scene_of_nothing_is_background() -> None:
+    assert (render_gl.integrate(Scene(background=77.0), CAMERA, POSE) == 77).all()
 
 
 def test_auto_takes_the_exact_renderer_for_what_opengl_cannot_draw() -> None:
-    lit = Scene(chequered_floor().quads, lights=(Light("ambient", 0.5),))
-    assert render(lit, CAMERA, POSE).renderer == "exact"
+    rolling = replace(CAMERA, row_time_s=1e-4)
+    way = Trajectory(np.array([-1.0, 1.0]), np.stack([POSE, POSE @ compose(np.eye(3), [0.1, 0, 0])]))
+    assert render(chequered_floor(), rolling, way).renderer == "exact"
     assert render(chequered_floor(), CAMERA, POSE).renderer == "gl"
-    with pytest.raises(SceneError, match='expected "exact" or "auto" for lights, got "gl"'):
-        render(lit, CAMERA, POSE, renderer="gl")
+    with pytest.raises(SceneError, match='expected "exact" or "auto" for a rolling shutter, got "gl"'):
+        render(chequered_floor(), rolling, way, renderer="gl")
 
 
 def test_an_error_while_drawing_is_told_apart_from_bad_input_and_leaves_a_context_that_works(
@@ -64,12 +166,12 @@ def test_an_error_while_drawing_is_told_apart_from_bad_input_and_leaves_a_contex
     scene = chequered_floor()
     before = render(scene, CAMERA, POSE, renderer="gl").image
     with monkeypatch.context() as broken:
-        renderer = render_gl._context()[0]
+        renderer = render_gl_context._context()[0]
         broken.setattr(renderer._renderer, "render", lambda *_, **__: (_ for _ in ()).throw(RuntimeError("lost")))
         with pytest.raises(RendererError, match="OpenGL failed while drawing: RuntimeError lost"):
             render(scene, CAMERA, POSE, renderer="gl")
     assert np.array_equal(render(scene, CAMERA, POSE, renderer="gl").image, before)
-    assert len(render_gl._drawn(scene).camera_nodes) == 0
+    assert len(render_gl_context._drawn(scene).camera_nodes) == 0
 
 
 def test_two_processes_render_side_by_side_the_same_bytes() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from peaksim.corpus.coco import MOST_MARKERS
-from peaksim.corpus.plan import MOST_ATTEMPTS, needs_exact, plan_frame, read_scene
+from peaksim.corpus.plan import MOST_ATTEMPTS, plan_frame, read_scene
 from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import SceneError
@@ -24,9 +24,6 @@ def check_spec(spec: CorpusSpec, folder: Path) -> None:
     SceneError
         One line that names the field, what was expected and what came.
     """
-    beyond_gl = needs_exact(spec, folder)
-    if spec.renderer == "gl" and beyond_gl:
-        raise SceneError(f'renderer: expected "exact" or "auto" for {beyond_gl}, got "gl"')
     tables = [read_scene(choice.file, folder) for choice in spec.scenes]
     known = {name for table, _ in tables for name in table.textures}
     for name in spec.textures:

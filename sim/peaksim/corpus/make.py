@@ -14,7 +14,7 @@ from peaksim.corpus.backends import Backend, in_process
 from peaksim.corpus.calibration import opencv_yaml
 from peaksim.corpus.check_spec import check_spec
 from peaksim.corpus.configuration import Configuration, claim, configure
-from peaksim.corpus.plan import corpus_cameras, needs_exact, plan_frame
+from peaksim.corpus.plan import corpus_cameras, plan_frame
 from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
 from peaksim.corpus.store import Store, open_store, write
 from peaksim.corpus.write import Job, write_part, write_shard
@@ -82,7 +82,7 @@ def make_corpus(
 
 def _probe(spec: CorpusSpec, folder: Path, backend: Backend) -> tuple[str, str | None]:
     """Return which renderer draws all frames: on this machine the workers have its own."""
-    if spec.renderer == "exact" or needs_exact(spec, folder):
+    if spec.renderer == "exact":
         return "exact", None
     where = in_process() if backend.is_here else backend
     found: tuple[str, str | None] = next(iter(where.run(partial(probe, spec_to_json(spec), str(folder)), [0])))

@@ -192,13 +192,6 @@ def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
     return tuple(NamedCamera(f"scene-{i:03d}", camera_of(table.camera), 1.0) for i, table in enumerate(tables))
 
 
-def needs_exact(spec: CorpusSpec, folder: Path) -> str:
-    """Return what the "gl" renderer cannot draw of a corpus: "lights", "lens distortion" or nothing."""
-    if spec.light is not None or any(read_scene(choice.file, folder)[0].lights for choice in spec.scenes):
-        return "lights"
-    return "" if all(named.camera.is_pinhole for named in corpus_cameras(spec, folder)) else "lens distortion"
-
-
 def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCamera:
     cameras = corpus_cameras(spec, folder)
     return cameras[draws.index("camera", tuple(c.weight for c in cameras)) if spec.cameras else scene]

@@ -89,7 +89,6 @@ def test_a_contradiction_inside_the_specification_is_refused(fields: dict[str, A
             {"views": [{"kind": "marker", "distance_m": 1, "min_markers": 4}]},
             "views: .* at least 4 markers, this one has 3",
         ),
-        ({"renderer": "gl", "light": {"ambient": 1}}, 'renderer: expected "exact" or "auto" for lights, got "gl"'),
         ({"views": [{"kind": "marker", "distance_m": 90}]}, "frame 0: views: expected a view .* inside the room"),
         (
             {"views": [{"kind": "random", "eye_m": [0, 0, [2, 3]], "target_m": [0, 0, 0]}]},
