@@ -105,7 +105,7 @@ def kill_until_done(folder: Path, dest: Path, kills: int, rng: random.Random, *,
             continue
         assert status == 0, complaints(dest).read_text()
         return killed
-    assert wait_or_kill(run_make(spec, folder, dest, "2"), 60 + frames) == 0, complaints(dest).read_text()
+    assert wait_or_kill(run_make(spec, folder, dest, "2"), 240 + frames) == 0, complaints(dest).read_text()
     return kills
 
 
