@@ -30,7 +30,7 @@ step rejects one marker in six hundred, seldom in two octaves at once."""
 WEIGHTS = np.array([2.4, -23.0, 7.5, -122.0, -16.3])
 """Of the columns of `aligned_evidence`, and the offset: a logistic regression on 1255 alignments of markers ≥ 16 px and
 123 of clutter (coins, letters, gravel) in 130 views of the training rooms. There markers ≥ 20 px lie 5.9 above 0, all
-markers 2.7, and clutter 1.2 below."""
+markers 2.7, and clutter 1.2 below. Noise costs what the pattern explains: at σ = 20 of 178 grey levels none passes."""
 
 LEAST_UNEXPLAINED = 0.005
 """Unexplained shares below this count as this."""
