@@ -12,7 +12,7 @@ from peaksim.pose import compose, rotation_about
 
 sys.path.insert(0, str(Path(__file__).parent))
 from area_reference import area_integral
-from views import random_view
+from views import LENSES, random_view, through
 
 CAMERA = Camera(width=48, height=48, fx=40.0, fy=40.0, cx=23.5, cy=23.5)
 ABOVE = compose(np.diag([1.0, -1.0, -1.0]), [0, 0, 1.0])  # 1 m above z = 0, looking down, its x along the world's
@@ -98,9 +98,29 @@ def test_bytes_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None
     assert os.environ["PEAKSIM_THREADS"] == "5"
 
 
-def test_distortion_bends_what_the_camera_sees() -> None:
-    camera = Camera(96, 72, 80.0, 80.0, 47.5, 35.5, (-0.2, 0.05, 0.001, -0.002, 0.0))
-    view = random_view(5, 96, 72)
-    reference = area_integral(view.scene, camera, view.pose, 16)  # inverting the lens for each sample takes long
-    error = np.rint(integrate(view.scene, camera, view.pose[None])) - reference
-    assert np.sqrt((error**2).mean()) < 0.7
+@pytest.mark.parametrize("row", [28, 29, 30, 31])
+def test_a_floor_that_ends_anywhere_in_a_band_of_rows_is_the_area_integral(row: int) -> None:
+    chequer = Texture.from_array((np.indices((256, 256)) // 4).sum(axis=0).astype(np.uint8) % 2 * 255)
+    camera = Camera(48, 48, 40.0, 40.0, 23.5, row - 2.0)
+    pose = compose(rotation_about("x", -90), [0, 0, 0.5])  # level: the horizon is at cy, the floor ends 1.7 px below
+    scene = Scene((Quad("floor", chequer, (24.0, 24.0), np.eye(4)),))
+    error = np.rint(integrate(scene, camera, pose[None])) - area_integral(scene, camera, pose, 64)
+    assert np.sqrt((error**2).mean()) < 0.5
+
+
+@pytest.mark.parametrize("lens", ["brown5", "fisheye"])
+def test_what_a_lens_sees_is_the_area_integral(lens: str) -> None:
+    assert rms_through(lens, 5, (64, 48)) < 0.7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_what_lenses_see_from_random_poses_is_the_area_integral(seed: int) -> None:
+    assert rms_through(list(LENSES)[seed % len(LENSES)], seed, (120, 90)) < 0.7
+
+
+def rms_through(lens: str, seed: int, size: tuple[int, int]) -> float:
+    view = through(random_view(seed, *size), lens)
+    reference = area_integral(view.scene, view.camera, view.pose, 32)
+    error = np.rint(integrate(view.scene, view.camera, view.pose[None])) - reference
+    return float(np.sqrt((error**2).mean()))
