@@ -11,7 +11,7 @@ import numpy as np
 from area_reference import area_integral
 from peaksim import render_gl
 from peaksim.area_integral import integrate
-from views import random_view
+from views import LENSES, random_view, through
 
 
 def figures(draw: Callable[[], np.ndarray], reference: np.ndarray) -> tuple[float, float, float]:
@@ -29,15 +29,17 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--samples", type=int, default=64, help="per pixel and axis of the reference")
     parser.add_argument("--width", type=int, default=160)
+    parser.add_argument("--lenses", action="store_true", help="through six lenses in turn")
     arguments = parser.parse_args()
     rows = []
     for seed in range(arguments.first, arguments.first + arguments.count):
         view = random_view(seed, arguments.width, arguments.width * 3 // 4)
+        view = through(view, list(LENSES)[seed % len(LENSES)]) if arguments.lenses else view
         reference = area_integral(view.scene, view.camera, view.pose, arguments.samples)
         exact = figures(lambda v=view: integrate(v.scene, v.camera, v.pose[None]), reference)
         gl = figures(lambda v=view: render_gl.integrate(v.scene, v.camera, v.pose), reference)
         rows.append([*exact, *gl])
-        print(f"{view.name:55s} exact {exact[0]:.2f} {exact[1]:.1f} {exact[2]:.3f}  "
+        print(f"{view.name:65s} exact {exact[0]:.2f} {exact[1]:.1f} {exact[2]:.3f}  "
               f"gl {gl[0]:.2f} {gl[1]:.1f} {gl[2]:.3f}", flush=True)  # fmt: skip
     for name, table in (("exact", np.array(rows)[:, :3]), ("gl", np.array(rows)[:, 3:])):
         good = ((table[:, 0] < 0.5) & (table[:, 1] < 3)).sum()

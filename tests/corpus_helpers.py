@@ -151,7 +151,7 @@ def make_from_arguments(arguments: list[str]) -> None:
         sys.exit(f"error: {error}")
 
 
-def wait_until(condition: Callable[[], bool], limit_s: float = 60.0) -> None:
+def wait_until(condition: Callable[[], bool], limit_s: float = 120.0) -> None:
     """Return as soon as a condition holds; fail if it takes too long."""
     deadline = time.monotonic() + limit_s
     while not condition():

@@ -19,9 +19,14 @@ ROW, COLUMN, FACE, SIZE = 0, 1, 2, 3
 
 
 @part
-def measure(sides, pose, found, n, rays, y, x, lines):  # type: ignore[no-untyped-def]
-    """Write the lines (n, 5, 3) of the sides and depth of n faces over a pixel (exact for a pinhole)."""
+def measure(sides, pose, found, n, rays, y, x, faces, lines):  # type: ignore[no-untyped-def]
+    """List those of n faces that reach into a pixel; return their number.
+
+    Writes `faces`, and the lines (n, 5, 3) of their sides and depth over the pixel (exact for a pinhole).
+    """
+    kept = 0
     for k in range(n):
+        outside = False
         for side in range(DEPTH + 1):
             a = b = c = 0.0
             for axis in range(3):
@@ -31,9 +36,14 @@ def measure(sides, pose, found, n, rays, y, x, lines):  # type: ignore[no-untype
                 a += 0.25 * m * (r00 + r10 + r01 + r11)
                 b += 0.5 * m * (r10 - r00 + r11 - r01)
                 c += 0.5 * m * (r01 - r00 + r11 - r10)
-            lines[k, side, 0] = a - 0.5 * (b + c)
-            lines[k, side, 1] = b
-            lines[k, side, 2] = c
+            outside = outside or a + 0.5 * (abs(b) + abs(c)) <= 0.0
+            lines[kept, side, 0] = a - 0.5 * (b + c)
+            lines[kept, side, 1] = b
+            lines[kept, side, 2] = c
+        if not outside:
+            faces[kept] = found[k]
+            kept += 1
+    return kept
 
 
 @part
@@ -75,7 +85,7 @@ def subtract(pool, sizes, source, target, n, cutter, n_sides):  # type: ignore[n
 
 
 @part
-def visible_pieces(lines, found, n, k, cutter, pool, sizes):  # type: ignore[no-untyped-def]
+def visible_pieces(lines, faces, n, k, cutter, pool, sizes):  # type: ignore[no-untyped-def]
     """Cut candidate k of n out of the pixel; return where in the pool its pieces begin, and their number."""
     here = sizes.size - sizes.size
     there, scratch = here + MAX_PIECES, here + 2 * MAX_PIECES
@@ -90,7 +100,7 @@ def visible_pieces(lines, found, n, k, cutter, pool, sizes):  # type: ignore[no-
     m = int(abs(area_of(pool, here, sizes[here])) > EMPTY)
     for other in range(n):
         if other != k and m > 0:
-            n_sides = nearer_sides(lines, other, k, found[other] > found[k], cutter)
+            n_sides = nearer_sides(lines, other, k, faces[other] > faces[k], cutter)
             if n_sides > 0:
                 m = subtract(pool, sizes, here, there, m, cutter, n_sides)
                 here, there = there, here
@@ -132,7 +142,8 @@ def cut_mixed(rays, sides, owners, cells, found, counts, background, first, poly
         Number of pieces; the pixel to go on with if the lists were full, else h·w.
     """
     n_pieces = 0
-    lines, cutter = np.empty((found.shape[1], DEPTH + 1, 3)), np.empty((DEPTH + 1, 3))
+    faces, lines = np.empty(found.shape[1], np.int64), np.empty((found.shape[1], DEPTH + 1, 3))
+    cutter = np.empty((DEPTH + 1, 3))
     pool, sizes = np.empty((2 * MAX_PIECES + 2, MAX_VERTICES, 2)), np.empty(2 * MAX_PIECES + 2, np.int64)
     for pixel in range(first, owners.size):
         y, x = pixel // owners.shape[1], pixel % owners.shape[1]
@@ -141,15 +152,15 @@ def cut_mixed(rays, sides, owners, cells, found, counts, background, first, poly
             n = counts[cell]
             if n_pieces + n * MAX_PIECES > shares.size:
                 return n_pieces, pixel
-            measure(sides, pose, found[cell], n, rays, y, x, lines)
+            n = measure(sides, pose, found[cell], n, rays, y, x, faces, lines)
             bare = 1.0
             for k in range(n):
-                start, m = visible_pieces(lines, found[cell], n, k, cutter, pool, sizes)
+                start, m = visible_pieces(lines, faces, n, k, cutter, pool, sizes)
                 for piece in range(start, start + m):
                     shares[n_pieces] = keep_piece(lines, k, pool, piece, sizes[piece], polygons, n_pieces)
                     bare -= shares[n_pieces]
                     pieces[n_pieces, ROW], pieces[n_pieces, COLUMN] = y, x
-                    pieces[n_pieces, FACE], pieces[n_pieces, SIZE] = found[cell, k], sizes[piece]
+                    pieces[n_pieces, FACE], pieces[n_pieces, SIZE] = faces[k], sizes[piece]
                     n_pieces += 1
             for channel in range(out.shape[2]):
                 out[y, x, channel] += max(bare, 0.0) * background

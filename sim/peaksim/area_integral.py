@@ -28,6 +28,7 @@ PERSPECTIVE = 0.02
 """Where depth varies by more than this share within a pixel, the pixel is split: image area counts, not the face's."""
 MOST_SPLITS = 8
 """Most parts of a pixel along each axis."""
+_LOOK_EVERY = 5
 _PIECES = 8192
 
 Rays = NDArray[np.float64]
@@ -246,14 +247,17 @@ def splits(views: Views, rays: Rays, cells: Cells) -> tuple[int, int]:
 
 
 def textured_in_tiles(views: Views, cells: Cells) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the (n,) textured faces that fill one of a tile's 4 × 4 looked-at pixels, and (t, n) in which tile."""
-    step = TILE // 4
-    shown = cells.owners[::step, ::step]
+    """Return the (n,) textured faces that fill one of the pixels looked at, and (t, n) in which tile.
+
+    Looked at are 4 × 4 pixels of a tile, on its border too: a face is steepest where it ends.
+    """
+    columns_looked_at = np.flatnonzero(np.arange(cells.owners.shape[1]) % TILE % _LOOK_EVERY == 0)
+    shown = cells.owners[::_LOOK_EVERY, columns_looked_at]
     printed = np.append(views.printed[0], [False])  # the last one stands for no face
     shown = np.where(printed[np.maximum(shown, -1)], shown, NOTHING)
     faces = np.unique(shown[shown >= 0])
     columns = (shown[:, :, None] == faces).any(axis=0)
-    return faces, np.logical_or.reduceat(columns, np.arange(0, len(columns), 4))
+    return faces, np.logical_or.reduceat(columns, np.flatnonzero(columns_looked_at % TILE == 0))
 
 
 def refined(rays: Rays, across: int, down: int) -> Rays:

@@ -1,5 +1,6 @@
 """The area integral by brute force: many rays a pixel, at permuted offsets; written apart from the renderers."""
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -25,12 +26,21 @@ def area_integral(scene: Scene, camera: Camera, pose: NDArray[np.float64], n: in
     out = np.zeros((camera.height, camera.width, channels))
     for dx, dy in permuted_offsets(n):
         x, y = np.meshgrid(np.arange(camera.width) + dx, np.arange(camera.height) + dy)
-        if camera.is_pinhole:
-            rays = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=2)
-        else:
-            rays = camera.unproject(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(*x.shape, 3)
-        _add_samples(rays, frames, sizes, flat, shapes, starts, scene.background, out)
+        _add_samples(rays_of(camera, x, y), frames, sizes, flat, shapes, starts, scene.background, out)
     return out / n**2
+
+
+def rays_of(camera: Camera, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (h, w, 3) directions of (h, w) px with z = 1, lenses inverted by OpenCV."""
+    if camera.is_pinhole:
+        return np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=2)
+    xy, coefficients = np.stack([x.ravel(), y.ravel()], axis=1)[:, None], np.array(camera.distortion)
+    until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-10)
+    if camera.model == "fisheye":
+        flat = cv2.fisheye.undistortPoints(xy, camera.matrix, coefficients, criteria=until)
+    else:
+        flat = cv2.undistortPointsIter(xy, camera.matrix, coefficients, None, None, until)
+    return np.concatenate([flat[:, 0], np.ones((x.size, 1))], axis=1).reshape(*x.shape, 3)
 
 
 @njit(cache=True, nogil=True)

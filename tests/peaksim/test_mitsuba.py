@@ -86,7 +86,8 @@ def test_textured_quads_agree_with_mitsuba(renderer: Renderer) -> None:
     assert_within_noise(picture, mean, error)
 
 
-def test_a_lit_scene_with_a_shadow_agrees_with_mitsuba() -> None:
+@pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
+def test_a_lit_scene_with_a_shadow_agrees_with_mitsuba(renderer: Renderer) -> None:
     floor, pose = quads()[0], compose(rotation_about("x", 10), [0.1, 0, 0.5])
     corners = np.array([[-0.25, -0.2, 0], [0.25, -0.2, 0], [0.25, 0.2, 0], [-0.25, 0.2, 0]])
     roof = Mesh("roof", corners, np.array([[0, 1, 2], [0, 2, 3]]), pose, color=(120.0,) * 3)
@@ -99,5 +100,5 @@ def test_a_lit_scene_with_a_shadow_agrees_with_mitsuba() -> None:
         "lamp": {"type": "point", "position": list(light.position_m), "intensity": power},
     }
     mean, error = estimate(shapes, {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0})
-    picture = render(Scene((floor,), (roof,), (light,), background=0.0), CAMERA, POSE, renderer="exact").linear
+    picture = render(Scene((floor,), (roof,), (light,), background=0.0), CAMERA, POSE, renderer=renderer).linear
     assert_within_noise(picture, mean, error)

@@ -1,10 +1,11 @@
 """Scenes and views that a renderer finds hard, drawn from a seed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim import Camera, Quad, Scene, Texture
+from peaksim.camera import resized
 from peaksim.pose import compose, look_at, rotation_about
 from skimage import data
 
@@ -50,6 +51,23 @@ def textures(rng: np.random.Generator) -> list[tuple[str, Texture]]:
         ("marker", Texture.from_array(marker(12))),
         *((name, Texture.from_array(p)) for name, p in zip(NAMES, photos, strict=True)),
     ]
+
+
+LENSES = {
+    "brown4": Camera(distortion=(-0.3, 0.1, 0.001, -0.002)),
+    "brown5": Camera(distortion=(-0.28, 0.09, 0.001, -0.002, -0.01)),
+    "pincushion": Camera(distortion=(0.15, 0.05, -0.001, 0.001, 0.0)),
+    "rational8": Camera(distortion=(0.1, -0.05, 0.001, 0.0005, 0.02, 0.35, -0.02, 0.01)),
+    "fisheye": Camera(fx=330.0, fy=330.0, distortion=(-0.02, 0.004, -0.001, 0.0002), model="fisheye"),
+    "wide fisheye": Camera(fx=300.0, fy=300.0, distortion=(0.03, -0.01, 0.002, -0.0003), model="fisheye"),
+}
+"""Lenses of 640×480 cameras."""
+
+
+def through(view: View, lens: str) -> View:
+    """Return a view through one of LENSES, in as many pixels."""
+    camera = resized(LENSES[lens], view.camera.width / LENSES[lens].width)
+    return replace(view, name=f"{view.name} {lens}", camera=camera)
 
 
 def random_view(seed: int, width: int = 256, height: int = 192) -> View:

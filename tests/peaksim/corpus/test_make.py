@@ -105,7 +105,7 @@ def kill_until_done(folder: Path, dest: Path, kills: int, rng: random.Random, *,
             continue
         assert status == 0, complaints(dest).read_text()
         return killed
-    assert wait_or_kill(run_make(spec, folder, dest, "2"), 60 + frames) == 0, complaints(dest).read_text()
+    assert wait_or_kill(run_make(spec, folder, dest, "2"), 240 + frames) == 0, complaints(dest).read_text()
     return kills
 
 
@@ -249,12 +249,14 @@ def test_a_full_disk_is_one_line_and_more_room_finishes_the_set(folder: Path, tm
     assert contents(tmp_path / "c") == contents(tmp_path / "whole")
 
 
-def test_one_renderer_draws_every_frame_also_where_only_some_cameras_need_it(folder: Path, tmp_path: Path) -> None:
+def test_one_renderer_draws_every_frame_whatever_its_camera(folder: Path, tmp_path: Path) -> None:
     wide = {"name": "wide", "width": 64, "height": 48, "fx": 40, "distortion": [-0.1, 0, 0, 0]}
     cameras = [{"name": "cam", "width": 64, "height": 48, "fx": 50}, wide]
     made = make_corpus(tiny_spec(renderer="auto", cameras=cameras), folder, str(tmp_path / "c"))
-    assert (made.configuration.renderer, made.configuration.gl_renderer) == ("exact", None)
-    assert {record["renderer"] for record in open_corpus(str(tmp_path / "c")).records()} == {"exact"}
+    records = list(open_corpus(str(tmp_path / "c")).records())
+    assert {record["camera"]["name"] for record in records} == {"cam", "wide"}
+    drawn_by = made.configuration.renderer, made.configuration.gl_renderer
+    assert {(record["renderer"], record["gl_renderer"]) for record in records} == {drawn_by}
 
 
 def test_the_manifest_says_what_made_it(folder: Path, tmp_path: Path) -> None:
