@@ -4,6 +4,7 @@
 # make bench   our SURF's time and memory against OpenCV's and mahotas's, as ratios, beside benchmarks/baseline.json
 # make parity  our key points against OpenCV's own, where cv2 was built with its SURF
 PYTHON := .venv/bin/python
+PYTEST := $(PYTHON) -m pytest -n auto --dist loadfile --max-worker-restart 0
 READY := .venv/.ready
 TESTS_READY := .venv/.tests-ready
 
@@ -13,10 +14,10 @@ floor: $(READY)
 	$(PYTHON) scripts/render_floor.py --out out/floor
 
 test: $(TESTS_READY)
-	$(PYTHON) -m pytest -n auto --dist loadfile
+	$(PYTEST)
 
 test-all: $(TESTS_READY)
-	$(PYTHON) -m pytest -n auto --dist loadfile -m "slow or not slow"
+	$(PYTEST) -m "slow or not slow"
 
 regress: $(TESTS_READY)
 	for suite in floor cave; do \

@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -120,11 +122,20 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def run_make(spec: CorpusSpec, folder: Path, dest: Path, *arguments: str) -> subprocess.Popen[str]:
-    """Start a process that makes a corpus of a specification: the same code, as a program that can be killed."""
+def run_make(spec: CorpusSpec, folder: Path, dest: Path, *arguments: str) -> subprocess.Popen[bytes]:
+    """Start a process that makes a corpus of a specification: the same code, as a program that can be killed.
+
+    It complains into a file, `complaints(dest)`: a pipe would stay open as long as any process that it started.
+    """
     code = "import sys, corpus_helpers; corpus_helpers.make_from_arguments(sys.argv[1:])"
     command = [sys.executable, "-c", code, spec_to_json(spec), str(folder), str(dest), *arguments]
-    return subprocess.Popen(command, env=child_environment(), stderr=subprocess.PIPE, text=True, start_new_session=True)
+    with complaints(dest).open("ab") as errors:
+        return subprocess.Popen(command, env=child_environment(), stderr=errors, start_new_session=True)
+
+
+def complaints(dest: Path) -> Path:
+    """Return the file beside a corpus with what `run_make` wrote to stderr."""
+    return dest.with_suffix(".stderr")
 
 
 def make_from_arguments(arguments: list[str]) -> None:
@@ -138,6 +149,22 @@ def make_from_arguments(arguments: list[str]) -> None:
         make_corpus(spec_from_json(spec), Path(folder), dest, backend)
     except InputError as error:
         sys.exit(f"error: {error}")
+
+
+def wait_until(condition: Callable[[], bool], limit_s: float = 120.0) -> None:
+    """Return as soon as a condition holds; fail if it takes too long."""
+    deadline = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def is_alive(pid: int) -> bool:
+    """Return whether a process runs; one that has ended and waits to be collected does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def child_environment() -> dict[str, str]:

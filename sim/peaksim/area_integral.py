@@ -299,7 +299,11 @@ def band_rays(camera: Camera, rows: slice) -> Rays:
 
 def in_threads(work: Callable[[int], None], items: range) -> None:
     """Do the work for all items, in as many threads as the process may use processors."""
-    with ThreadPoolExecutor(threads()) as pool:
+    if (count := threads()) == 1:
+        for item in items:
+            work(item)
+        return
+    with ThreadPoolExecutor(count) as pool:
         list(pool.map(work, items))
 
 

@@ -2,7 +2,7 @@
 
 By Green's theorem ∬ T du dv over a polygon is the sum over its edges of ∫ P dv with P(u, v) = ∫₀ᵘ T. Each edge is
 walked in a few steps; a step is integrated exactly in v at its middle u, two evaluations of the biquadratic double
-antiderivative of the texture (`Texture.tables`). What is left is the staircase of triangles along slanted edges, and
+antiderivative of the texture (`texture_sums`). What is left is the staircase of triangles along slanted edges, and
 the number of steps keeps that below the error budget.
 """
 

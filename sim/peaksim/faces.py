@@ -6,6 +6,7 @@ a triangle. All are linear in d, so that face sides, depth order and intersectio
 """
 
 from functools import lru_cache
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from peaksim.scene import Mesh, Quad, Scene
 from peaksim.texture import Texture
+from peaksim.texture_sums import sums_shape, write_sums
 
 BACK_LEVEL = 128.0
 """Grey level of a quad from behind."""
@@ -51,7 +53,7 @@ class Views(NamedTuple):
 def faces_of(scene: Scene) -> Faces:
     """Return the faces of a scene."""
     quads = np.array([_quad_plane(quad) for quad in scene.quads]).reshape(-1, 3, 3)
-    triangles = triangles_m(scene)
+    triangles = triangles_m(scene.meshes)
     planes = np.concatenate([quads, triangles - triangles[:, :1] * [[0], [1], [1]]])
     table = np.ones((len(planes), 12))
     table[:, START : CONTRAST + 1] = (-1, 0, 0, 0)
@@ -69,9 +71,9 @@ def faces_of(scene: Scene) -> Faces:
     return Faces(np.ascontiguousarray(planes), table, texels)
 
 
-def triangles_m(scene: Scene) -> NDArray[np.float64]:
+def triangles_m(meshes: tuple[Mesh, ...]) -> NDArray[np.float64]:
     """Return the (m, 3, 3) world corners of all triangles, in mesh order."""
-    return np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
+    return np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in meshes)])
 
 
 def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -83,13 +85,13 @@ def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], N
 @lru_cache(maxsize=1)
 def pack(textures: tuple[Texture, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the tables of all textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
-    tables = [texture.tables for texture in textures]
-    starts = np.cumsum([0, *(table.size for table in tables)])[: len(tables)]
-    places = [(start, table.shape[2], table[0].size if len(table) == 3 else 0, texture.contrast)
-              for start, table, texture in zip(starts, tables, textures, strict=True)]  # fmt: skip
-    if len(tables) == 1:
-        return tables[0].reshape(-1), np.array(places, dtype=np.float64)
-    return np.concatenate([np.zeros(0), *(table.ravel() for table in tables)]), np.array(places, dtype=np.float64)
+    shapes = [sums_shape(texture.pixels) for texture in textures]
+    starts = np.cumsum([0, *(prod(shape) for shape in shapes)])
+    texels, places = np.empty(starts[-1]), np.zeros((len(textures), 4))
+    for texture, shape, start, end, place in zip(textures, shapes, starts, starts[1:], places, strict=False):
+        write_sums(texture.pixels, texels[start:end].reshape(shape))
+        place[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, texture.contrast
+    return texels, places
 
 
 def unit_normals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,6 @@
 """Rays against faces: a tree of boxes around triangles and parallelograms, and its kernels."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from peaksim.faces import triangles_m
 from peaksim.kernel import kernel, part
-from peaksim.scene import Scene
+from peaksim.scene import Mesh, Quad, Scene
 
 _LEAF = 4
 STACK = 128
@@ -33,10 +34,16 @@ class Solids(NamedTuple):
 
 def solids_of(scene: Scene, *, quads: bool) -> Solids:
     """Return the tree of a scene's meshes, with its quads if asked for."""
-    squares = np.array([q.corners_m[[0, 1, 3]] for q in scene.quads]).reshape(-1, 3, 3)
-    corners = np.concatenate([squares, triangles_m(scene)])
+    return _solids(scene.quads, scene.meshes, quads)
+
+
+@lru_cache(maxsize=2)
+def _solids(quads: tuple[Quad, ...], meshes: tuple[Mesh, ...], with_quads: bool) -> Solids:
+    """Return the tree; the frames of a film ask for the same ones, with other lights."""
+    squares = np.array([quad.corners_m[[0, 1, 3]] for quad in quads]).reshape(-1, 3, 3)
+    corners = np.concatenate([squares, triangles_m(meshes)])
     ids = np.arange(len(corners))
-    keep = ids >= (0 if quads else len(squares))
+    keep = ids >= (0 if with_quads else len(squares))
     return build(corners[keep], ids[keep] < len(squares), ids[keep])
 
 

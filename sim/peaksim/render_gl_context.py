@@ -90,7 +90,7 @@ def _drawn(scene: Scene) -> Any:
     import pyrender
 
     squares = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
-    triangles = triangles_m(scene)
+    triangles = triangles_m(scene.meshes)
     total = len(squares) + len(triangles)
     if total >= NUMBER_BITS:
         raise SceneError(f'scene: expected fewer than {NUMBER_BITS} faces for "gl", got {total}')

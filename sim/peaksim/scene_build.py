@@ -41,7 +41,7 @@ class Paper:
         if width * height > _LARGEST_TEXTURE:
             raise SceneError(f"{name}: expected at most {_LARGEST_TEXTURE} texels, got {width}×{height}; raise photo_m")
         rows, columns = _mirrored(height, self.photo.shape[0]), _mirrored(width, self.photo.shape[1])
-        return Texture.from_array(self.photo[rows][:, columns])
+        return Texture.from_array(np.take(np.take(self.photo, columns, axis=1), rows, axis=0))
 
 
 def _mirrored(length: int, period: int) -> NDArray[np.int64]:

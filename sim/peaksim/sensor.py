@@ -134,13 +134,18 @@ def disc_kernel(radius_px: float) -> Levels:
     return np.asarray(shares / shares.sum(), dtype=np.float32)
 
 
-@lru_cache(maxsize=2)
 def vignette(height: int, width: int, corner_loss: float) -> Levels:
     """Return the (height, width) share of light that passes: 1 in the middle, 1 − `corner_loss` in the corners."""
+    return np.float32(1) - np.float32(corner_loss) * _falloff(height, width)
+
+
+@lru_cache(maxsize=2)
+def _falloff(height: int, width: int) -> Levels:
+    """Return the fourth power of the (height, width) distance from the middle, 1 in the corners."""
     y, x = np.ogrid[:height, :width]
     radius2 = (x - (width - 1) / 2) ** 2 + (y - (height - 1) / 2) ** 2
     corner2 = max(((width - 1) ** 2 + (height - 1) ** 2) / 4, 1.0)
-    return np.asarray(1 - corner_loss * (radius2 / corner2) ** 2, dtype=np.float32)
+    return np.asarray((radius2 / corner2) ** 2, dtype=np.float32)
 
 
 def _per_pixel(levels: Levels, factor: Levels) -> Levels:

@@ -19,7 +19,7 @@ def envelope(
     camera: Annotated[str, Option(help="Scene file or name whose camera to take, or WIDTHxHEIGHT@FOCAL_PX.")] = "floor",
     side_m: Annotated[float, Option(help="Printed side of the marker without border, metres.")] = 0.08,
     marker: Annotated[str, Option(help="Marker; a light one is found as its dark one is.")] = "surf-dark",
-    detector: Annotated[str, Option(help="surf or surf-paper.")] = "surf",
+    detector: Annotated[str, Option(help="surf, surf-paper or sift.")] = "surf",
     noise: Annotated[float, Option(help="σ of the noise, grey levels: 0 or 10.")] = 0.0,
     required: Annotated[float, Option(help="Detection rate that the lower end of its interval must reach.")] = REQUIRED,
     rates: Annotated[Path | None, Option(help="envelope.csv of a run of yours. [default: the shipped one]")] = None,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 app = Typer(no_args_is_help=True, help="A detector's figures on rendered fly-throughs, beside accepted ones.")
 
-_DETECTORS = "markers, cave-markers, aruco, apriltag, surf, sift, cv2.NAME_create, module:function or 'exec:PROGRAM …'"
+_DETECTORS = "markers, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function or 'exec:PROGRAM …'"
 
 RUN = "run.json"
 PICTURES = "pictures"

@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from inspect import signature
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -176,9 +177,11 @@ def _require_opencv_surf() -> None:
 def _opencv_maker(name: str) -> Callable[..., Any]:
     """Return `cv2.NAME_create` of "cv2:NAME"."""
     cv2 = _opencv()
-    make: Callable[..., Any] = getattr(cv2, f"{name.removeprefix('cv2:')}_create", lambda: None)
     try:
+        make: Callable[..., Any] = attrgetter(f"{name.removeprefix('cv2:')}_create")(cv2)
         made = make()
+    except AttributeError:
+        made = None
     except (TypeError, cv2.error) as error:
         raise InputError(f"detector {name}: expected one that this OpenCV can make, got {error}") from error
     if not isinstance(made, cv2.Feature2D):

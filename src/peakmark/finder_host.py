@@ -23,33 +23,16 @@ Find = Callable[[NDArray[np.uint8]], Any]
 
 
 def load(name: str, parameters: dict[str, Any]) -> Find:
-    """Return the function of an image behind "module:function", "cv2:NAME" or "cv2.NAME_create"; all take parameters.
+    """Return the function of an image behind "module:function" or "cv2:NAME"; both take parameters.
 
     Raises
     ------
     InputError
         If there is none.
     """
-    if name.startswith("cv2."):
-        return _feature_finder(name, parameters)
     if name.startswith("cv2:"):
         return partial(find_detector(name, describe=False), **parameters)
     return partial(import_function(name), **parameters)
-
-
-def _feature_finder(name: str, parameters: dict[str, Any]) -> Find:
-    """Return the detect method of what cv2.NAME_create makes."""
-    import cv2
-
-    made: Any = cv2
-    try:
-        for part in name.split(".")[1:]:
-            made = getattr(made, part)
-        feature = made(**parameters)
-        detect = feature.detect
-    except (AttributeError, TypeError, cv2.error) as error:
-        raise InputError(f"expected cv2.NAME_create that makes a detector, such as cv2.ORB_create: {error}") from error
-    return lambda image: detect(image, None)
 
 
 def as_found(value: Any) -> Found:

@@ -27,7 +27,7 @@ _LONGEST_LINE = 200_000_000  # bytes
 def run_process(
     name: str, parameters: dict[str, Any], time_limit_s: float, start_limit_s: float
 ) -> "Iterator[FinderProcess]":
-    """Give a finder that runs "exec:PROGRAM …", "module:function" or "cv2.NAME_create".
+    """Give a finder that runs "exec:PROGRAM …", "module:function" or "cv2:NAME".
 
     `start_limit_s` is for starting, and once more beside `time_limit_s` for the first image.
 

@@ -7,7 +7,7 @@
 | aruco, aruco:DICT_… | ArUco tags of OpenCV, 4×4 with 50 codes or another dictionary |
 | apriltag | AprilTag 36h11, by OpenCV |
 | surf, surf-paper, surf-opencv, sift, sift-opencv, vlfeat | key points, see `peakmark.detectors` |
-| cv2:NAME, cv2.NAME_create | key points of any `cv2.Feature2D`, such as cv2:ORB |
+| cv2:NAME | key points of any `cv2.Feature2D`, such as cv2:ORB or cv2:xfeatures2d.StarDetector |
 | module:function | your function of an image, in a process of its own |
 | exec:PROGRAM ARGUMENTS | your program, in images, out JSON lines; `peakmark.finder_protocol` has the protocol |
 
@@ -72,7 +72,7 @@ def open_finder(settings: FinderSettings) -> Iterator[Finder]:
     from peakmark.finder_process import run_process
 
     name = settings.name
-    if name.startswith(("exec:", "cv2.")) or (":" in name and not name.startswith("aruco:")):
+    if name.startswith("exec:") or (":" in name and not name.startswith("aruco:")):
         with run_process(name, settings.parameters, settings.time_limit_s, settings.start_limit_s) as finder:
             yield finder
     else:
@@ -99,7 +99,7 @@ def built_in(settings: FinderSettings) -> Finder:
     if name in NAMES:
         detector = find_detector(name)
         return lambda image: Found(strongest_first(detector(image, **settings.parameters)), None)
-    known = ", ".join(("markers", "cave-markers", *TAGS, *NAMES, "cv2.NAME_create", "module:function"))
+    known = ", ".join(("markers", "cave-markers", *TAGS, *NAMES, "cv2:NAME", "module:function"))
     raise InputError(f"detector: expected one of {known} or exec:PROGRAM, got {name!r}")
 
 

@@ -20,6 +20,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from peakmark.identification import SIDE_OF_SCALE, Detection, is_polarity, pattern_name
@@ -236,9 +237,24 @@ def _box_sums(table: NDArray[np.float64], low: NDArray[np.intp], high: NDArray[n
 
 def one_each(xy: NDArray[np.float64], sides: NDArray[np.float64], worth: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the rows, best first, that are not within `APART` sides of a better one."""
-    kept: list[int] = []
-    for i in np.argsort(-worth, kind="stable"):
-        gaps = np.linalg.norm(xy[kept] - xy[i], axis=1)
-        if (gaps > APART * np.maximum(sides[kept], sides[i])).all():
-            kept.append(int(i))
-    return np.array(kept, dtype=np.intp)
+    order = np.argsort(-worth, kind="stable")
+    return np.asarray(order[_is_kept(xy[order], sides[order], APART)])
+
+
+@njit(cache=True, nogil=True)
+def _is_kept(xy, sides, apart):  # type: ignore[no-untyped-def]
+    """Return (n,) whether each, in this order, is farther than `apart` sides from all before it that are kept."""
+    kept = np.empty(len(xy), np.intp)
+    is_kept = np.zeros(len(xy), np.bool_)
+    count = 0
+    for i in range(len(xy)):
+        is_kept[i] = True
+        for k in kept[:count]:
+            x, y = xy[k, 0] - xy[i, 0], xy[k, 1] - xy[i, 1]
+            if not np.sqrt(x * x + y * y) > apart * max(sides[k], sides[i]):
+                is_kept[i] = False
+                break
+        if is_kept[i]:
+            kept[count] = i
+            count += 1
+    return is_kept

@@ -48,23 +48,11 @@ def outline_px(array: MarkerArray) -> NDArray[np.float64]:
     return np.asarray(origin + corners @ steps.T)
 
 
-def draw_polarity(image: NDArray[np.uint8], detections: Sequence[Detection]) -> NDArray[np.uint8]:
-    """Return an RGB copy with the sign of the Laplacian as the paper counts it: +1 light, −1 dark."""
-    canvas = np.ascontiguousarray(rgb(image)).copy()
-    line = max(1, round(image.shape[1] / 2500))
-    for detection in detections:
-        text, colour = ("+1", LIGHT) if detection.polarity == "light" else ("-1", DARK)
-        label(canvas, text, detection.xy - np.array([0.3, 0.6]) * detection.size, colour, line, 0.6)
-    return canvas
+def box_around(xy: NDArray[np.float64], margin_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return left, top, right and bottom of a part of a picture of (width, height) around (n, 2) points.
 
-
-LIGHT, DARK = (255, 214, 64), (96, 190, 255)
-"""RGB of the two polarities."""
-
-
-def cut_out(picture: NDArray[np.uint8], xy: NDArray[np.float64], margin_px: float) -> NDArray[np.uint8]:
-    """Return the part of a picture around (n, 2) points, at least 1 px."""
-    limits = np.array(picture.shape[1::-1])
-    low = np.clip(np.floor(xy.min(axis=0) - margin_px), 0, limits - 1).astype(int)
-    high = np.clip(np.ceil(xy.max(axis=0) + margin_px), low + 1, limits).astype(int)
-    return picture[low[1] : high[1], low[0] : high[0]]
+    Right and bottom are exclusive; the part has a pixel at least.
+    """
+    low = np.clip(np.floor(xy.min(axis=0) - margin_px), 0, np.array(size) - 1)
+    high = np.clip(np.ceil(xy.max(axis=0) + margin_px), low + 1, size)
+    return int(low[0]), int(low[1]), int(high[0]), int(high[1])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 MARKER_COLOUR = "#1a7f37"
 CLUTTER_COLOUR = "#8c959f"
+LIGHT_COLOUR, DARK_COLOUR = "#ffd640", "#60beff"
 
 
 def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]:
@@ -104,8 +105,34 @@ def response_over_vis(
                    marker="D" if size > 9 else "o", rasterized=True)  # fmt: skip
     top = float(responses.max(initial=1e3))
     ax.set(yscale="log", ylim=(400, 2 * top), xlim=(0, None), xlabel="distance from the version-independent signature",
-           ylabel="response (determinant of the Hessian)", title="Detector response and VIS distance")  # fmt: skip
+           ylabel="response (determinant of the Hessian)",
+           title="Detector response and version-independent signature")  # fmt: skip
     ax.legend(frameon=False)
+
+
+def polarities(
+    ax: Any,
+    image: NDArray[np.uint8],
+    box: tuple[int, int, int, int],
+    xy: NDArray[np.float64],
+    sides_px: NDArray[np.float64],
+    is_light: NDArray[np.bool_],
+) -> None:
+    """Draw a part of a picture, with the paper's sign of the Laplacian above each of (n, 2) markers (Figure 15).
+
+    `box` is left, top, right and bottom in the picture, the latter two exclusive.
+    """
+    from matplotlib.patheffects import withStroke
+
+    left, top, right, bottom = box
+    ax.imshow(image[top:bottom, left:right], cmap="gray", vmin=0, vmax=255,
+              extent=(left - 0.5, right - 0.5, bottom - 0.5, top - 0.5))  # fmt: skip
+    outline = [withStroke(linewidth=2.5, foreground="black")]
+    for (x, y), side, light in zip(xy, sides_px, is_light, strict=True):
+        text, colour = ("+1", LIGHT_COLOUR) if light else ("−1", DARK_COLOUR)
+        ax.text(x, y - 0.62 * side, text, color=colour, path_effects=outline, fontsize=14, weight="bold", ha="center",
+                va="bottom", clip_on=True)  # fmt: skip
+    ax.set_axis_off()
 
 
 def envelope_map(

@@ -9,6 +9,7 @@ from numba import njit
 from peakmark.refine_model import PARAMETERS, gram, residuals, select_pixels
 
 _MIN_PIXELS = 24
+_SHARP = 0.1
 _MIN_BLUR = 1e-3
 _HELD = 1e12
 _RIDGE = 1e-9
@@ -43,7 +44,7 @@ def align(gray, center, size, lines, levels, extent, focal, samples, template, s
     theta = soft_fit(
         level, (center - shift) / block, size / block, lines, levels, extent, precision, samples, template, shapes
     )
-    mean[10] = theta[10] = 0.1
+    mean[10] = theta[10] = _SHARP
     if block > 1:
         pixels = chosen_pixels(level, theta, lines, extent, 600)
         theta, noise, converged = gauss_newton(level, pixels, theta, lines, levels, mean, precision, 8, 1.0)
@@ -64,14 +65,15 @@ def soft_fit(level, center, size, lines, levels, extent, precision, samples, tem
     """Return the parameters (11,) of the best fit to the softened picture.
 
     Starts from the best of all shapes, if that does not explain the picture from the best of those that are
-    hardly foreshortened, and each turned by 30° and 60° too: how the pattern is turned is what blur hides.
+    hardly foreshortened, and each turned by 30° and 60° too: how the pattern is turned is what blur hides. A pattern
+    seen so obliquely that softening leaves too few pixels clear of its surround is fitted to the sharp picture.
     """
     soft, blur = softened(level), 0.5
     if size > _LEVEL_SIDE:
         soft, blur = softened(soft), 1.0
     start = np.zeros(PARAMETERS)
     start[:2] = center
-    start[8], start[9], start[10] = soft.max() - soft.min(), soft.min(), blur
+    start[8], start[9] = soft.max() - soft.min(), soft.min()
     precision = precision.copy()
     precision[:2], precision[2:6] = 1 / (_PLACE_SPREAD * size) ** 2, 1 / (_SHAPE_SPREAD * size) ** 2
     best, best_ratio = start.copy(), np.inf
@@ -81,8 +83,12 @@ def soft_fit(level, center, size, lines, levels, extent, precision, samples, tem
             c, s = size * cos(turn * pi / 6), size * sin(turn * pi / 6)
             start[2], start[3] = shape[0, 0] * c + shape[0, 1] * s, shape[0, 1] * c - shape[0, 0] * s
             start[4], start[5] = shape[1, 0] * c + shape[1, 1] * s, shape[1, 1] * c - shape[1, 0] * s
+            picture, start[10] = soft, blur
             pixels = chosen_pixels(soft, start, lines, extent, 250)
-            theta, noise, _ = gauss_newton(soft, pixels, start, lines, levels, start, precision, 12, 0.3)
+            if len(pixels) < _MIN_PIXELS:
+                picture, start[10] = level, _SHARP
+                pixels = chosen_pixels(level, start, lines, extent, 250)
+            theta, noise, _ = gauss_newton(picture, pixels, start, lines, levels, start, precision, 12, 0.3)
             if noise > 0 and theta[8] > 0 and noise / theta[8] ** 2 < best_ratio:
                 best, best_ratio = theta, noise / theta[8] ** 2
         if best_ratio < _CLEAR:

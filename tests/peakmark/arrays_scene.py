@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.camera import Camera
+from peaksim.camera_models import camera_named
 from peaksim.pose import Pose, compose, invert, rotation_about, transform
 
 from peakmark.arrays_layout import THREE_BIT, Layout, polarities_of
 from peakmark.identification import Detection
 from peakmark.marker import Polarity
 
-CAMERA = Camera(2272, 1704, 2215.0, 2215.0, 1135.5, 851.5)
+CAMERA = camera_named("sony-dsc-s85")
 SIDE_M = 0.05
 
 

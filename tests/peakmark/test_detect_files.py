@@ -45,9 +45,8 @@ def write_bomb(path: Path, side: int) -> None:
 
 def peakmark(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "peakmark.cli", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": SOURCES}
-    )
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=300)
 
 
 @pytest.mark.parametrize("ending", [".npz", ".csv", ".json"])

@@ -4,10 +4,12 @@ import cv2
 import numpy as np
 import pytest
 from helpers import marker_view
+from hypothesis import given
+from hypothesis import strategies as st
 
 from peakmark.errors import InputError
 from peakmark.identification import Detection, Rule, identify
-from peakmark.identification_joint import box_variance, one_each, quotients
+from peakmark.identification_joint import APART, box_variance, one_each, quotients
 from peakmark.identification_paper import above_drop
 from peakmark.keypoints import Keypoints
 from peakmark.marker import surf_marker
@@ -145,6 +147,18 @@ def test_one_of_each_is_kept_the_better_one() -> None:
     xy, sides = np.array([[0, 0], [10, 0], [40, 0.0]]), np.full(3, 20.0)
     assert one_each(xy, sides, np.array([0.5, 0.9, 0.1])).tolist() == [1, 2]
     assert one_each(xy[:0], sides[:0], sides[:0]).tolist() == []
+
+
+@given(st.integers(0, 60), st.floats(5, 200), st.integers(0, 2**32 - 1))
+def test_the_kernel_keeps_what_a_plain_loop_keeps(count: int, extent: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    xy, sides, worth = rng.uniform(0, extent, (count, 2)), rng.uniform(2, 40, count), rng.integers(0, 9, count)
+    kept: list[int] = []
+    for i in np.argsort(-worth, kind="stable"):
+        gaps = np.linalg.norm(xy[kept] - xy[i], axis=1)
+        if (gaps > APART * np.maximum(sides[kept], sides[i])).all():
+            kept.append(int(i))
+    assert one_each(xy, sides, worth.astype(np.float64)).tolist() == kept
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,9 @@ from walls import centers, sheet, wall
 
 from peakmark import decode_arrays, identify
 from peakmark.errors import InputError
-from peakmark.identification_both import features_of, identify_both, polarity_by_signature
+from peakmark.experiments.cave_rooms import photographs
+from peakmark.identification_both import WEIGHTS, aligned_evidence, features_of, identify_both, polarity_by_signature
+from peakmark.refine import refine
 
 
 @settings(max_examples=12)
@@ -55,6 +57,22 @@ def test_discs_squares_and_noise_are_no_markers(seed: int) -> None:
     cv2.circle(picture, (300, 120), 25, 0, -1)
     cv2.rectangle(picture, (200, 220), (240, 260), 0, -1)
     assert identify_both(picture).detections == ()
+
+
+@pytest.mark.parametrize("name", ["coins", "astronaut", "moon", "gravel"])
+@pytest.mark.parametrize("share", [1.0, 0.6])
+def test_blobs_in_photographs_are_no_markers(name: str, share: float) -> None:
+    photograph = cv2.resize(photographs("training")[name], None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    assert identify_both(cv2.GaussianBlur(photograph, (0, 0), 0.7)).detections == ()
+
+
+def test_alignment_that_did_not_converge_explains_nothing() -> None:
+    picture = wall([(sheet(5), 240, 180, 40, 10)])
+    refined = refine(picture, [[20.0, 20.0]], [30.0], "surf-dark")
+    assert not refined.converged.any()
+    evidence = aligned_evidence(np.array([[4.0, 0.1, 1.5, 0.7]]), refined)
+    np.testing.assert_array_equal(evidence, [[0.7, 0.1, 0.0, 1.0]])
+    assert evidence @ WEIGHTS[:-1] + WEIGHTS[-1] < 0
 
 
 def test_a_blank_picture_and_a_blank_poster_hold_nothing() -> None:

@@ -15,6 +15,7 @@ def run(code: str) -> list[str]:
         capture_output=True,
         text=True,
         check=True,
+        timeout=300,
         env={**os.environ, "PYTHONPATH": SOURCES},
     )
     return done.stdout.split()

@@ -1,9 +1,12 @@
 """The thread pool: order, count and forks."""
 
 import os
+import subprocess
+import sys
 import threading
 
 import pytest
+from corpus_helpers import child_environment
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -64,10 +67,19 @@ def test_the_count_is_the_callers(monkeypatch: pytest.MonkeyPatch) -> None:
         parallel.set_thread_count(0)
 
 
+FORK = """
+import os
+from peakmark import parallel
+with parallel.threads(2):
+    parallel.map_parallel(abs, range(4))
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if parallel.map_parallel(abs, range(-4, 0)) == [4, 3, 2, 1] else 1)
+    raise SystemExit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
 def test_a_forked_child_gets_its_own_pool() -> None:
-    with parallel.threads(2):
-        parallel.map_parallel(abs, range(4))
-        child = os.fork()
-        if child == 0:
-            os._exit(0 if parallel.map_parallel(abs, range(-4, 0)) == [4, 3, 2, 1] else 1)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    """In a process of its own: the threads of other tests do not survive a fork either."""
+    done = subprocess.run([sys.executable, "-c", FORK], env=child_environment(), timeout=60, check=False)
+    assert done.returncode == 0

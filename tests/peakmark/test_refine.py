@@ -75,6 +75,13 @@ def test_centre_is_within_a_tenth_of_a_pixel_at_noise_10(side, tilt):
     assert rms(error) <= 0.1
 
 
+def test_a_small_marker_is_found_though_it_is_seen_steeply():
+    """Twelve pixels at 75° are five and a half pixels high: softening alone would mix every row with the surround."""
+    error, _ = errors(12, 75, 2, 40, seed=1)
+    assert len(error) >= 38
+    assert rms(error) < 0.05
+
+
 @pytest.mark.slow
 def test_normalised_error_squared_is_within_its_95_percent_band():
     sizes_and_noises = [(side, sigma) for side in (20, 40, 80, 147) for sigma in (3, 10)]

@@ -27,7 +27,7 @@ def sheet(pattern="surf", limit="energy", polarity="dark", side_mm=80.0, label="
 def rasterised_pdf(laid_out, directory):
     (path,) = write(laid_out, directory / "sheet", "pdf")
     command = ["pdftoppm", "-r", str(DPI), "-gray", "-singlefile", str(path), str(directory / "page")]
-    subprocess.run(command, check=True)
+    subprocess.run(command, check=True, timeout=120)
     return cv2.imread(str(directory / "page.pgm"), cv2.IMREAD_UNCHANGED)
 
 
@@ -87,7 +87,7 @@ def test_pdf_and_raster_draw_the_same_page(pattern, limit, tmp_path):
 def test_all_eight_arrays_print(tmp_path):
     laid_out = pages([array_tile(code, 25.0) for code in range(8)], A4)
     (path,) = write(laid_out, tmp_path / "arrays", "pdf")
-    text = subprocess.run(["pdftotext", str(path), "-"], check=True, capture_output=True, text=True).stdout
+    text = subprocess.run(["pdftotext", str(path), "-"], check=True, capture_output=True, text=True, timeout=60).stdout
     for code in range(8):
         assert f"array {code}, marker side 25 mm" in text
     assert "100 mm between the ticks" in text

@@ -35,5 +35,6 @@ def test_kernels_stay_inside_their_arrays(tmp_path: Path) -> None:
         "PYTHONPATH": os.pathsep.join(map(str, folders)),
     }
     code = "import test_surf_bounds; test_surf_bounds.detect_on_random_pictures()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=1800)
     assert done.returncode == 0, done.stderr

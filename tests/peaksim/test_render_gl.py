@@ -180,7 +180,7 @@ def test_two_processes_render_side_by_side_the_same_bytes() -> None:
     both = [subprocess.Popen([sys.executable, "-c", DRAW], env=environment, stdout=subprocess.PIPE) for _ in range(2)]
     view = random_view(4, 160, 120)
     own = hashlib.sha256(render_gl.integrate(view.scene, view.camera, view.pose).tobytes()).hexdigest()
-    assert [p.communicate()[0].decode().strip() for p in both] == [own, own]
+    assert [p.communicate(timeout=300)[0].decode().strip() for p in both] == [own, own]
 
 
 @pytest.mark.slow

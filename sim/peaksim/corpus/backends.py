@@ -4,15 +4,17 @@ A backend turns (work, numbers) into results as they come. The work is a functio
 import; doing a number twice is harmless, so whatever is lost is done again.
 """
 
+import ctypes
 import os
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import connection, get_context, parent_process
-from typing import Any
+from typing import Any, Never
 
 from peaksim.errors import InputError, RendererError
 
@@ -22,6 +24,8 @@ Work = Callable[[int], Any]
 
 MOST_DEATHS = 3
 """Workers that may die over one task before the run stops."""
+
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 _ONE_THREAD = dict.fromkeys(
     ("PEAKSIM_THREADS", "NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"), "1"
@@ -130,9 +134,11 @@ class _Crew:
 
     def _hire(self) -> _Worker:
         ours, theirs = self._context.Pipe()
-        process = self._context.Process(target=_serve, args=(self._work, theirs), daemon=True)
+        process = self._context.Process(target=_serve, args=(theirs,), daemon=True)
         process.start()
         theirs.close()
+        with suppress(BrokenPipeError, ConnectionResetError):
+            ours.send(self._work)
         return _Worker(process, ours, -1)
 
     def _finished(self) -> list[_Worker]:
@@ -160,29 +166,56 @@ class _Crew:
                                 f"the last with exit code {worker.process.exitcode} (out of memory?)")  # fmt: skip
 
 
-def _serve(work: Work, pipe: connection.Connection) -> None:
-    """Answer each number with (failure, result) until the other side is gone."""
+def _serve(pipe: connection.Connection) -> None:
+    """Answer each number with (failure, result) until the other side is gone.
+
+    The work comes through the pipe, so that its imports begin when this process's end is settled. It ends without
+    finalising the interpreter, which can wait for ever for the threads of numerical and OpenGL libraries.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    _end_with_parent()
+    try:
+        _answer_all(pipe)
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        os._exit(0)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(1)
+
+
+def _answer_all(pipe: connection.Connection) -> Never:
+    work: Work = pipe.recv()
     while True:
-        try:
-            number = pipe.recv()
-        except EOFError:
-            return
-        try:
-            answer: tuple[Exception | None, Any] = (None, work(number))
-        except (InputError, RendererError) as error:
-            answer = (type(error)(str(error)), None)
-        except Exception:
-            answer = (RuntimeError(traceback.format_exc()), None)
-        with suppress(BrokenPipeError, ConnectionResetError):
-            pipe.send(answer)
+        pipe.send(_answer(work, pipe.recv()))
 
 
-def _die_with_parent() -> None:
+def _answer(work: Work, number: int) -> tuple[Exception | None, Any]:
+    try:
+        return None, work(number)
+    except (InputError, RendererError) as error:
+        return type(error)(str(error)), None
+    except Exception:
+        return RuntimeError(traceback.format_exc()), None
+
+
+def _end_with_parent() -> None:
+    """Have this process killed when its parent ends, however that happens.
+
+    On Linux by the kernel, whatever this process is doing then; it counts as the parent's end when the thread ends
+    that started this process. Elsewhere by a thread that watches the parent.
+    """
     parent = parent_process()
     assert parent is not None
-    connection.wait([parent.sentinel])
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent.pid:  # it ended before it was asked for
+            os._exit(1)
+    threading.Thread(target=_watch, args=(parent.sentinel,), daemon=True).start()
+
+
+def _watch(sentinel: int) -> None:
+    connection.wait([sentinel])
     os._exit(1)
 
 
@@ -245,4 +278,3 @@ def _submit(client: Any, work: Work, numbers: Iterable[int]) -> Iterator[Any]:
         future.release()
         submit()
         yield result
-

@@ -70,10 +70,11 @@ def make_corpus(
     with store.alone():
         configuration = configure(spec, folder, *_probe(spec, folder, backend))
         claim(store, configuration)
+        job = Job(dest, str(folder), sha256(store.read(layout.CONFIGURATION)).hexdigest())
         rendered = 0
         if not store.exists(layout.MANIFEST):
-            rendered = _write_shards(store, Job(dest, str(folder)), spec, backend, on_frames)
-            for _ in backend.run(partial(write_part, Job(dest, str(folder))), range(layout.part_count(spec))):
+            rendered = _write_shards(store, job, spec, backend, on_frames)
+            for _ in backend.run(partial(write_part, job), range(layout.part_count(spec))):
                 pass
             _finish(store, configuration, folder)
     return Made(spec.frames, rendered, configuration)

@@ -1,11 +1,11 @@
 """Where a corpus lies: a folder, or a bucket behind an fsspec URL such as s3://bucket/name.
 
-A file appears under its name whole or not at all: in a folder by writing elsewhere, syncing and renaming; in a
-bucket because an object exists only once its upload is complete.
+A file appears under its name whole or not at all: in a folder by writing elsewhere and renaming; in a bucket because
+an object exists only once its upload is complete.
 """
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
 from hashlib import sha256
 from typing import IO, Any, Protocol
@@ -43,8 +43,14 @@ class Store(Protocol):
     url: str
     """As the user gave it."""
 
-    def create(self, name: str) -> AbstractContextManager[Writing]:
-        """Give a binary file to write in a `with` block; it appears under its name when the block ends well."""
+    def create(self, name: str, *, lasting: bool = True) -> AbstractContextManager[Writing]:
+        """Give a binary file to write in a `with` block; it appears under its name when the block ends well.
+
+        From then on it survives a loss of power; one that is not `lasting` does so from the next `settle` on.
+        """
+
+    def settle(self, names: Iterable[str]) -> None:
+        """Make files survive a loss of power; many at once take little longer than one."""
 
     def read(self, name: str) -> bytes:
         """Return a file's content, raising InputError where it is missing."""
@@ -59,9 +65,9 @@ class Store(Protocol):
         """Keep other runs away for the length of a `with` block, where that is possible."""
 
 
-def write(store: Store, name: str, content: bytes) -> str:
-    """Write a whole file and return its SHA-256."""
-    with store.create(name) as file:
+def write(store: Store, name: str, content: bytes, *, lasting: bool = True) -> str:
+    """Write a whole file and return its SHA-256; see `Store.create`."""
+    with store.create(name, lasting=lasting) as file:
         file.write(content)
     return file.sha256
 

@@ -1,7 +1,7 @@
 """A corpus behind any fsspec URL; the extra "cloud" brings fsspec and s3fs."""
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,14 +19,17 @@ class BucketStore:
         self._root = root.rstrip("/")
 
     @contextmanager
-    def create(self, name: str) -> Iterator[Writing]:
-        """Give a local file; it is uploaded when the block ends without an exception."""
+    def create(self, name: str, *, lasting: bool = True) -> Iterator[Writing]:
+        """Give a local file; it is uploaded when the block ends without an exception, and lasting then."""
         path = self._path(name)
         with tempfile.NamedTemporaryFile() as file:
             yield Writing(file)  # type: ignore[arg-type]
             file.flush()
             with self._reported(name):
                 self._fs.put_file(file.name, path)
+
+    def settle(self, names: Iterable[str]) -> None:
+        """Do nothing: what is uploaded lasts."""
 
     def read(self, name: str) -> bytes:
         """Return an object's content."""

@@ -32,6 +32,8 @@ class Job:
     """Its folder or URL; corpus.json is there."""
     folder: str
     """Where the specification's scenes and trajectories are."""
+    configuration_sha256: str
+    """Of its corpus.json."""
 
 
 class Sums:
@@ -68,9 +70,11 @@ def open_job(job: Job) -> tuple[Store, Configuration]:
     Raises
     ------
     InputError
-        If this machine cannot read it, or has other versions of what makes the bytes.
+        If this machine cannot read it, finds another one there, or has other versions of what makes the bytes.
     """
     store = open_store(job.dest)
+    if sha256(store.read(layout.CONFIGURATION)).hexdigest() != job.configuration_sha256:
+        raise InputError(f"{job.dest}: expected the {layout.CONFIGURATION} of this run, found another one")
     configuration = read_configuration(store)
     here = versions()
     for package, there in configuration.versions.items():
@@ -117,6 +121,9 @@ def _write_shard(store: Store, configuration: Configuration, folder: Path, shard
             if archive is not None:
                 archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.picture)
                 archive.add(f"{layout.frame_key(index)}.json", sample.record)
+    if spec.store.files:
+        store.settle(name for index in layout.shard_frames(spec, shard)
+                     for name in (layout.picture_name(spec, index), layout.record_name(spec, index)))  # fmt: skip
     sums.seal(layout.shard_sums_name(shard))
     return rendered
 
@@ -132,9 +139,9 @@ def _render(configuration: Configuration, folder: Path, index: int) -> Sample:
 
 
 def _write_files(store: Store, configuration: Configuration, index: int, sample: Sample) -> None:
-    """Write the picture, then the record that vouches for it."""
-    write(store, layout.picture_name(configuration.spec, index), sample.picture)
-    write(store, layout.record_name(configuration.spec, index), sample.record)
+    """Write the picture, then the record that vouches for it; what a loss of power tears does not fit together."""
+    write(store, layout.picture_name(configuration.spec, index), sample.picture, lasting=False)
+    write(store, layout.record_name(configuration.spec, index), sample.record, lasting=False)
 
 
 def finished(store: Store, configuration: Configuration, index: int, there: set[str]) -> Sample | None:

@@ -1,7 +1,6 @@
 """Writes what the CAVE experiment found: pictures, film, tables, report.html and result.json."""
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
@@ -14,11 +13,12 @@ from peaksim.frame import error_budget
 from peakmark import plots
 from peakmark.experiments.cave import CaveConfig, View, marker_rows, open_cave, walk
 from peakmark.experiments.floor import peak_memory_mb
-from peakmark.experiments.floor_results import FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX, write_rows
-from peakmark.film import film
-from peakmark.overlay_arrays import cut_out, draw_arrays, draw_polarity
+from peakmark.experiments.floor_results import write_rows
+from peakmark.film import filmed
+from peakmark.overlay_arrays import box_around, draw_arrays
 from peakmark.report import Section, Table, jpeg_uri, svg_uri, write_report
 from peakmark.results import result_folder, write_json
+from peakmark.score import TOLERANCE_PX, owners
 
 COUNTS = (
     "markers_in_view", "markers_found", "false_detections", "polarity_errors", "polarity_errors_by_signature",
@@ -40,19 +40,14 @@ def run(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambd
         For a faulty configuration, scene or folder; `out` is then as it was.
     """
     start = perf_counter()
-    with result_folder(out) as folder, ExitStack() as stack:
+    with result_folder(out) as folder:
         setup = open_cave(config)
         load_s = perf_counter() - start
         on_step()
-        append = None
-        if config.frames > 1:
-            append = stack.enter_context(film(folder / "walk.mp4", FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX))
         rows: list[dict[str, Any]] = []
-        for view in walk(setup, config):
+        film = folder / "walk.mp4" if config.frames > 1 else None
+        for view, picture in filmed(walk(setup, config), overlay, film):
             rows.append(view.row())
-            picture = overlay(view)
-            if append is not None:
-                append(picture)
             if view.index == 0:
                 first, figures = view, write_pictures(folder, view, picture)
             on_step()
@@ -106,30 +101,35 @@ def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> dict
 
 
 def response_figure(view: View) -> Any:
-    """Return Figure 14."""
+    """Return Figure 14, without the second key points that overlapping octaves find at the markers."""
     figure, ax = plots.new_figure()
     found = view.reading.found
+    visible = [t for t in view.frame.truth if t.visible_fraction > 0]
+    is_shown = owners(visible, found.features, TOLERANCE_PX) < 0
     is_marker = np.zeros(len(found.features), dtype=bool)
     is_marker[marker_rows(view)] = True
-    plots.response_over_vis(ax, found.features.response, found.evidence[:, 1], is_marker)
+    is_shown |= is_marker
+    plots.response_over_vis(ax, found.features.response[is_shown], found.evidence[is_shown, 1], is_marker[is_shown])
     return figure
 
 
 def polarity_figure(view: View) -> Any:
-    """Return Figure 15: arrays cut out, with the signs of the Laplacian; the whole frame if there is no array."""
+    """Return Figure 15: arrays cut out, with the sign of each marker; the whole frame if there is no array."""
     from matplotlib.figure import Figure
 
-    detections = view.reading.found.detections
-    marked = draw_polarity(view.frame.image, detections)
-    arrays = view.reading.arrays[:_MOST_CUTTINGS]
-    pictures = [(_title(a.code), cut_out(marked, *_around(a.detections))) for a in arrays] or [("no array", marked)]
-    columns = min(4, len(pictures))
-    figure = Figure(figsize=(8, 9 / columns * -(-len(pictures) // columns)), layout="constrained")
-    for k, (title, picture) in enumerate(pictures):
-        ax = figure.add_subplot(-(-len(pictures) // columns), columns, k + 1)
-        ax.imshow(picture)
+    image, detections = view.frame.image, view.reading.found.detections
+    size = (image.shape[1], image.shape[0])
+    parts = [(_title(a.code), box_around(*_around(a.detections), size)) for a in view.reading.arrays[:_MOST_CUTTINGS]]
+    parts = parts or [("no array", (0, 0, *size))]
+    columns = min(4, len(parts))
+    rows = -(-len(parts) // columns)
+    figure = Figure(figsize=(8, (8 / columns + 0.3) * rows), layout="constrained")
+    xy, sides = np.array([d.xy for d in detections]).reshape(-1, 2), np.array([d.size for d in detections])
+    is_light = np.array([d.polarity == "light" for d in detections], dtype=bool)
+    for k, (title, box) in enumerate(parts):
+        ax = figure.add_subplot(rows, columns, k + 1)
+        plots.polarities(ax, image, box, xy, sides, is_light)
         ax.set_title(title, fontsize=10)
-        ax.set_axis_off()
     return figure
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from peaksim import scene_build
 from peaksim import scene_schema as schema
 from peaksim.camera import Camera
+from peaksim.camera_models import camera_named
 from peaksim.pose import Pose, compose, rotation_about
 from peaksim.scene import Mesh, Quad, Scene
 from peaksim.scene_build import Paper
@@ -200,13 +201,12 @@ CAMERAS: Mapping[Split, tuple[Camera, ...]] = {
         Camera(1600, 1200, 1700.0, 1700.0, 799.5, 599.5),
     ),
     "held-out": (
-        Camera(2272, 1704, 2215.0, 2215.0, 1135.5, 851.5),
+        camera_named("sony-dsc-s85"),
         Camera(2048, 1536, 1774.0, 1774.0, 1020.0, 770.0, distortion=(-0.11, 0.03, 0.001, -0.0005)),
         Camera(1920, 1080, 1380.0, 1385.0, 965.0, 536.0, distortion=(-0.06, 0.01, 0.0, 0.0)),
     ),
 }
-"""Those of the training see straight lines. The first held-out one is the paper's second camera, a Sony DSC-S85 with a
-7 mm lens on a 7.18 mm wide sensor."""
+"""Those of the training see straight lines. The first held-out one is the paper's second camera."""
 
 
 def resized(camera: Camera, share: float) -> Camera:

@@ -27,7 +27,8 @@ PAPER_PX = 513
 
 MAP_TILTS_DEG = (0.0, 20.0, 40.0, 50.0, 60.0, 70.0)
 MAP_NOISES = (0.0, 10.0)
-"""What the map of sizes × tilts is measured at."""
+MAP_PLACE_PX = 8.0
+"""What the map of sizes × tilts is measured at, and the step of the octaves whose samples the place is random to."""
 
 PAPER_EXPERIMENTS = ("scale", "turn", "tilt", "noise")
 """What Section 4.1 looks at."""
@@ -235,7 +236,7 @@ def _map(every: int) -> list[Point]:
 
 
 def _map_condition(kind: str, side_px: float, tilt_deg: float, noise: float) -> Condition:
-    return Condition(kind, side_px, _room(side_px), tilt_deg=tilt_deg, noise=noise)
+    return Condition(kind, side_px, _room(side_px), tilt_deg=tilt_deg, noise=noise, place_px=MAP_PLACE_PX)
 
 
 def map_series(tilt_deg: float, noise: float) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 from peaksim import scene_build
-from peaksim.camera import Camera
+from peaksim.camera_models import camera_named
 from peaksim.pose import Pose, compose, invert, rotation_about, transform
 from peaksim.rendering import render
 from peaksim.scene import Quad, Scene
@@ -36,7 +36,7 @@ TAGS: Mapping[Design, tuple[str, int]] = {
 SIDE_M = 0.05
 """Printed side of a marker and of a tag, its black border included; an array takes 2.5 × 2.5 of them."""
 
-CAMERA = Camera(384, 288, 2215.0, 2215.0, 191.5, 143.5)
+CAMERA = replace(camera_named("sony-dsc-s85"), width=384, height=288, cx=191.5, cy=143.5)
 """The middle of the picture of the paper's second camera."""
 
 _TEXELS = 72

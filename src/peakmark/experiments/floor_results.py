@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
@@ -14,15 +13,12 @@ from peaksim.frame import error_budget
 
 from peakmark import plots
 from peakmark.experiments.floor import FloorConfig, Tally, View, fly, open_scene, peak_memory_mb
-from peakmark.film import film
+from peakmark.film import filmed
 from peakmark.identification_paper import SIGNATURE_LIMIT
 from peakmark.overlay import draw_overlay
 from peakmark.report import Section, Table, jpeg_uri, svg_uri, write_report
 from peakmark.results import result_folder, write_json
 from peakmark.score import TOLERANCE_PX, owners
-
-FILM_WIDTH_PX = 1024
-FILM_FRAMES_PER_SECOND = 10
 
 
 def run(config: FloorConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> dict[str, Any]:
@@ -40,27 +36,17 @@ def run(config: FloorConfig, out: str | Path, on_step: Callable[[], None] = lamb
         setup = open_scene(config)
         load_s = perf_counter() - start
         on_step()
-        tally, first = Tally(), None
-        with ExitStack() as stack:
-            append = (
-                stack.enter_context(film(folder / "flight.mp4", FILM_FRAMES_PER_SECOND, FILM_WIDTH_PX))
-                if config.frames > 1
-                else None
-            )
-            for view in fly(setup, config):
-                tally.add(view)
-                picture = overlay(view)
-                if append is not None:
-                    append(picture)
-                if first is None:
-                    first = view
-                    figures = write_pictures(folder, view, picture)
-                on_step()
-        assert first is not None
+        tally = Tally()
+        film = folder / "flight.mp4" if config.frames > 1 else None
+        for view, picture in filmed(fly(setup, config), overlay, film):
+            tally.add(view)
+            if view.index == 0:
+                first, first_picture, figures = view, picture, write_pictures(folder, view, picture)
+            on_step()
         result = _result(config, first, tally, load_s)
         if config.frames > 1:
             write_rows(folder / "frames.csv", tally.rows)
-        _write_report(folder, config, first, tally, result, jpeg_uri(overlay(first)), figures)
+        _write_report(folder, config, first, tally, result, jpeg_uri(first_picture), figures)
         write_json(folder / "result.json", result)
     return result
 

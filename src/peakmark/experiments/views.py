@@ -1,6 +1,6 @@
 """Pictures of one marker under one distortion at a time: what Section 4.1 looks at, drawn by our renderer."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -66,6 +66,9 @@ class Condition:
     """Multiplier of the light."""
     off_axis_px: float = 0.0
     """Distance of the marker from the picture's centre, in a random direction."""
+    place_px: float = field(default=1.0, repr=False)  # streams are named by the rest
+    """Side of the square, about that place, in which the centre is drawn: 1 px is a pixel's phase, 8 px that of octaves
+    which take every 8th pixel."""
     is_centred: bool = False
     """As the paper has it: no sub-pixel phase, and unturned, tilted about the vertical, moved to the right."""
 
@@ -127,13 +130,9 @@ def look(condition: Condition, rng: np.random.Generator) -> View:
 
 
 def draw(condition: Condition, rng: np.random.Generator) -> Drawing:
-    """Draw the scenery at a random sub-pixel phase, and turn, tilt axis and direction where they are free.
-
-    The phase is that of pixels. A coarse octave samples every 4 or 8 px; where the marker lies between those samples
-    is the same in all pictures of one size.
-    """
+    """Draw the scenery at a random place within `place_px`, and turn, tilt axis and direction where they are free."""
     tilt_axis, turn, direction = (90.0, 0.0, 0.0) if condition.is_centred else rng.uniform(0, 360, 3)
-    phase_px = np.zeros(2) if condition.is_centred else rng.uniform(-0.5, 0.5, 2)
+    phase_px = np.zeros(2) if condition.is_centred else condition.place_px * rng.uniform(-0.5, 0.5, 2)
     place_sides = rng.uniform(-4, 4, 2)
     turn = turn if condition.turn_deg is None else condition.turn_deg
     rotation = rotation_about("z", tilt_axis) @ rotation_about("x", condition.tilt_deg)

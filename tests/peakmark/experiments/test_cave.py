@@ -54,6 +54,10 @@ def test_the_papers_claim_in_the_shipped_room() -> None:
     assert view.strength.false_above_last_marker == 0
     assert row["response_drop"] > 1.5
     assert len(marker_rows(view)) == 6
+    first, second = polarity_figure(view).axes
+    assert (first.get_title(), second.get_title()) == ("array 3 = 011", "array 5 = 101")
+    inside = [text for text in first.texts if first.dataLim.contains(*text.get_position())]
+    assert sorted(text.get_text() for text in inside) == ["+1", "+1", "−1"]
     assert row["pose_mm"] <= 5
     assert row["pose_deg"] <= 0.1
     assert row["pose_is_certain"]

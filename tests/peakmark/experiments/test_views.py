@@ -26,6 +26,14 @@ def test_a_square_view_is_centred_where_truth_says(kind):
     assert view.side_px == pytest.approx(60, rel=1e-6)
 
 
+def test_the_place_is_drawn_from_its_square():
+    condition = Condition("surf-dark", 20.0, image_px=65, place_px=8.0)
+    places = np.array([look(condition, np.random.default_rng(seed)).center_xy for seed in range(60)]) - 32
+    assert np.abs(places).max() <= 4
+    assert (places.max(axis=0) > 3).all()
+    assert (places.min(axis=0) < -3).all()
+
+
 @settings(max_examples=10)
 @given(tilt=st.floats(0, 70), distance=st.floats(1.2, 20), seed=st.integers(0, 2**31))
 def test_the_blob_centroid_is_that_of_the_dark_pixels_under_perspective(tilt, distance, seed):

@@ -1,5 +1,6 @@
 """Backends: every number is done, whatever dies; errors stop the run in one line; Dask with a real scheduler."""
 
+import ctypes
 import json
 import os
 import signal
@@ -11,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from corpus_helpers import child_environment, contents, tiny_spec
+from corpus_helpers import child_environment, contents, is_alive, tiny_spec, wait_until
 from peaksim.corpus import in_process, make_corpus, on_dask, processes
 from peaksim.errors import InputError, RendererError
 
@@ -40,6 +41,12 @@ def refuse(number: int) -> int:
 
 def stumble(number: int) -> int:
     return 1 // number
+
+
+def hold_the_interpreter(folder: str, number: int) -> None:
+    """Let no thread of this process run for a minute."""
+    (Path(folder) / "pid").write_text(f"{os.getpid()} ")
+    ctypes.PyDLL(None).sleep(60)
 
 
 def threads(number: int) -> str:
@@ -84,6 +91,26 @@ def test_each_worker_has_one_thread_and_the_environment_is_put_back() -> None:
     assert dict(os.environ) == before
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a thread watches, which this worker does not let run")
+def test_a_worker_dies_with_its_parent_whatever_it_does(tmp_path: Path) -> None:
+    code = ("import sys, test_backends; from functools import partial; from peaksim.corpus import processes\n"
+            "list(processes(1).run(partial(test_backends.hold_the_interpreter, sys.argv[1]), [0]))")  # fmt: skip
+    parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], env=environment_with_these_tests())
+    try:
+        wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text().endswith(" "))
+    finally:
+        parent.kill()
+        parent.wait(10)
+    worker = int((tmp_path / "pid").read_text())
+    wait_until(lambda: not is_alive(worker), limit_s=20)
+
+
+def environment_with_these_tests() -> dict[str, str]:
+    environment = child_environment()
+    environment["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent)
+    return environment
+
+
 @pytest.mark.parametrize("workers", [0, -1, 5000])
 def test_a_foolish_number_of_workers_is_refused(workers: int) -> None:
     with pytest.raises(InputError, match=f"--workers: expected 1…1024, got {workers}"):
@@ -103,27 +130,33 @@ class Cluster:
         self.processes: list[subprocess.Popen[bytes]] = []
         file = folder / "scheduler.json"
         self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
+        self.address = str(json.loads(self._await(file))["address"])
+
+    def _await(self, file: Path) -> str:
+        """Return the scheduler's file when it is written; a scheduler that does not come fails with its log."""
+        deadline = time.monotonic() + 60
         while not file.exists() or not file.read_text():
+            if self.processes[0].poll() is not None or time.monotonic() > deadline:
+                self.stop()
+                pytest.fail(f"no scheduler came: {(self.folder / 'log.txt').read_text()}")
             time.sleep(0.1)
-        self.address = str(json.loads(file.read_text())["address"])
+        return file.read_text()
 
     def add_worker(self, *options: str) -> subprocess.Popen[bytes]:
         return self._start("worker", self.address, "--no-dashboard", "--no-nanny",
                            "--local-directory", str(self.folder), *options)  # fmt: skip
 
     def _start(self, *command: str) -> subprocess.Popen[bytes]:
-        environment = child_environment()
-        environment["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent)
         with (self.folder / "log.txt").open("ab") as log:
             arguments = [sys.executable, "-m", "dask", *command]
-            process = subprocess.Popen(arguments, stdout=log, stderr=log, env=environment)
+            process = subprocess.Popen(arguments, stdout=log, stderr=log, env=environment_with_these_tests())
         self.processes.append(process)
         return process
 
     def stop(self) -> None:
         for process in reversed(self.processes):
             process.kill()
-            process.wait()
+            process.wait(10)
 
 
 @pytest.fixture
@@ -146,7 +179,7 @@ def test_a_worker_killed_midway_changes_nothing(folder: Path, tmp_path: Path, cl
 
     made = make_corpus(spec, folder, str(tmp_path / "c"), on_dask(cluster.address), kill_midway)
     assert made.frames == 60
-    assert victim.wait() == -signal.SIGKILL
+    assert victim.wait(60) == -signal.SIGKILL
     make_corpus(spec, folder, str(tmp_path / "whole"))
     assert contents(tmp_path / "c") == contents(tmp_path / "whole")
 

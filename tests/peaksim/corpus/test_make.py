@@ -3,15 +3,17 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
-import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from corpus_helpers import child_environment, contents, run_make, tiny_spec
+from corpus_helpers import child_environment, complaints, contents, is_alive, run_make, tiny_spec, wait_until
 from peaksim.corpus import check_corpus, in_process, make_corpus, open_corpus, processes
+from peaksim.corpus.write import Job, write_shard
 from peaksim.errors import InputError, SceneError
 
 
@@ -40,7 +42,7 @@ def test_the_tree_is_as_documented_and_checks(folder: Path, tmp_path: Path) -> N
 def test_sha256sum_agrees_with_the_lists(folder: Path, tmp_path: Path) -> None:
     make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
     for sums in (tmp_path / "c" / "sums").iterdir():
-        done = subprocess.run(["sha256sum", "--check", "--strict", sums], cwd=tmp_path / "c", capture_output=True)
+        done = subprocess.run(["sha256sum", "--check", "--strict", sums], cwd=tmp_path / "c", timeout=60)
         assert done.returncode == 0
 
 
@@ -90,25 +92,35 @@ def test_whatever_is_lost_or_torn_is_made_again(folder: Path, tmp_path: Path, se
     assert contents(tmp_path / "torn") == contents(tmp_path / "whole")
 
 
-def kill_until_done(folder: Path, dest: Path, kills: int, rng: random.Random, *, frames: int, workers: str) -> int:
-    """Start the run again and again, killing the process group or a single worker after a random time."""
-    spec, killed = tiny_spec(frames=frames), 0
-    while True:
-        process = run_make(spec, folder, dest, workers)
-        if killed < kills:
-            try:
-                process.wait(rng.uniform(1.0, 7.0))
-            except subprocess.TimeoutExpired:
-                killed += 1
-                os.killpg(process.pid, signal.SIGKILL)
-        if process.wait() == 0:
-            return killed
-        process.communicate()
+def kill_until_done(folder: Path, dest: Path, kills: int, rng: random.Random, *, frames: int) -> int:
+    """Run with two workers again and again, killing the process group after a random time; return how many kills."""
+    spec = tiny_spec(frames=frames)
+    for killed in range(kills):
+        process = run_make(spec, folder, dest, "2")
+        try:
+            status = process.wait(rng.uniform(1.0, 7.0))
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait(10)
+            continue
+        assert status == 0, complaints(dest).read_text()
+        return killed
+    assert wait_or_kill(run_make(spec, folder, dest, "2"), 240 + frames) == 0, complaints(dest).read_text()
+    return kills
+
+
+def wait_or_kill(process: subprocess.Popen[bytes], limit_s: float) -> int:
+    """Return a process's status; one that takes too long ends with its group, by SIGKILL."""
+    try:
+        return process.wait(limit_s)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        return process.wait(10)
 
 
 def test_kill_9_while_it_runs_changes_nothing_in_the_end(folder: Path, tmp_path: Path) -> None:
     make_corpus(tiny_spec(frames=60), folder, str(tmp_path / "whole"))
-    kill_until_done(folder, tmp_path / "killed", 1, random.Random(1), frames=60, workers="2")
+    kill_until_done(folder, tmp_path / "killed", 1, random.Random(1), frames=60)
     assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
     assert check_corpus(str(tmp_path / "killed")) == []
 
@@ -116,32 +128,30 @@ def test_kill_9_while_it_runs_changes_nothing_in_the_end(folder: Path, tmp_path:
 @pytest.mark.slow
 def test_20_random_kills_over_500_frames_leave_every_byte_as_it_would_be(folder: Path, tmp_path: Path) -> None:
     make_corpus(tiny_spec(frames=500), folder, str(tmp_path / "whole"))
-    killed = kill_until_done(folder, tmp_path / "killed", 20, random.Random(2), frames=500, workers="2")
+    killed = kill_until_done(folder, tmp_path / "killed", 20, random.Random(2), frames=500)
     assert contents(tmp_path / "killed") == contents(tmp_path / "whole")
     print(f"{killed} kills")
 
 
-def test_workers_do_not_outlive_a_killed_run(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("moment", ["while it starts its workers", "in the middle"])
+def test_workers_do_not_outlive_a_killed_run(folder: Path, tmp_path: Path, moment: str) -> None:
     process = run_make(tiny_spec(frames=4000), folder, tmp_path / "c", "2")
-    children = f"/proc/{process.pid}/task/{process.pid}/children"
-    deadline = time.monotonic() + 60
-    while not list((tmp_path / "c").glob("frames/*/*.png")) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    workers = [int(pid) for pid in Path(children).read_text().split()]
-    os.kill(process.pid, signal.SIGKILL)  # the parent alone
-    process.communicate()
-    assert len(workers) >= 2
-    deadline = time.monotonic() + 20
-    while any(_is_alive(pid) for pid in workers) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert not any(_is_alive(pid) for pid in workers)
-
-
-def _is_alive(pid: int) -> bool:
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
+        if moment == "in the middle":
+            wait_until(lambda: any((tmp_path / "c").glob("frames/*/*.png")))
+        wait_until(lambda: len(children_of(process.pid)) >= 2)
+        children = children_of(process.pid)
+        os.kill(process.pid, signal.SIGKILL)  # the parent alone
+        process.wait(10)
+        wait_until(lambda: not any(is_alive(pid) for pid in children))
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a running process has started."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 @pytest.mark.parametrize(
@@ -177,6 +187,20 @@ def test_other_versions_are_refused(folder: Path, tmp_path: Path) -> None:
     file.write_text(file.read_text().replace(f'"numpy": "{__import__("numpy").__version__}"', '"numpy": "1.0"'))
     with pytest.raises(InputError, match=r"versions\.numpy is '1\.0' there and"):
         make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+
+
+def test_another_corpus_in_a_place_that_was_emptied_is_that_one(folder: Path, tmp_path: Path) -> None:
+    make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+    shutil.rmtree(tmp_path / "c")
+    make_corpus(tiny_spec(seed=6), folder, str(tmp_path / "c"))
+    make_corpus(tiny_spec(seed=6), folder, str(tmp_path / "other"))
+    assert contents(tmp_path / "c") == contents(tmp_path / "other")
+
+
+def test_a_worker_that_finds_another_configuration_refuses(folder: Path, tmp_path: Path) -> None:
+    make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+    with pytest.raises(InputError, match=r"expected the corpus\.json of this run, found another one"):
+        write_shard(Job(str(tmp_path / "c"), str(folder), "0" * 64), 0)
 
 
 def test_a_folder_with_other_files_is_refused_and_untouched(folder: Path, tmp_path: Path) -> None:
@@ -215,7 +239,7 @@ def test_a_full_disk_is_one_line_and_more_room_finishes_the_set(folder: Path, tm
 
     spaces = ["unshare", "--map-root-user", "--user", "--mount"]
     command = [*spaces, "bash", "-c", script, "bash", spec_to_json(tiny_spec())]
-    status = subprocess.run(command, env=child_environment()).returncode
+    status = subprocess.run(command, env=child_environment(), timeout=300).returncode
     if status in (1, 77):
         pytest.skip("this kernel gives users no file systems of their own")
     assert status == 0
@@ -225,12 +249,14 @@ def test_a_full_disk_is_one_line_and_more_room_finishes_the_set(folder: Path, tm
     assert contents(tmp_path / "c") == contents(tmp_path / "whole")
 
 
-def test_one_renderer_draws_every_frame_also_where_only_some_cameras_need_it(folder: Path, tmp_path: Path) -> None:
+def test_one_renderer_draws_every_frame_whatever_its_camera(folder: Path, tmp_path: Path) -> None:
     wide = {"name": "wide", "width": 64, "height": 48, "fx": 40, "distortion": [-0.1, 0, 0, 0]}
     cameras = [{"name": "cam", "width": 64, "height": 48, "fx": 50}, wide]
     made = make_corpus(tiny_spec(renderer="auto", cameras=cameras), folder, str(tmp_path / "c"))
-    assert (made.configuration.renderer, made.configuration.gl_renderer) == ("exact", None)
-    assert {record["renderer"] for record in open_corpus(str(tmp_path / "c")).records()} == {"exact"}
+    records = list(open_corpus(str(tmp_path / "c")).records())
+    assert {record["camera"]["name"] for record in records} == {"cam", "wide"}
+    drawn_by = made.configuration.renderer, made.configuration.gl_renderer
+    assert {(record["renderer"], record["gl_renderer"]) for record in records} == {drawn_by}
 
 
 def test_the_manifest_says_what_made_it(folder: Path, tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def test_a_user_without_rights_is_told_in_one_line(folder: Path, s3: str) -> Non
     """The server is told to check its users from now on; it knows none."""
 
     def check_users_after(requests: bytes) -> None:
-        urlopen(Request(f"{s3}/moto-api/reset-auth", requests, {"Content-Type": "text/plain"})).close()
+        urlopen(Request(f"{s3}/moto-api/reset-auth", requests, {"Content-Type": "text/plain"}), timeout=30).close()
 
     check_users_after(b"0")
     try:

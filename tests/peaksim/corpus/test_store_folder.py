@@ -1,9 +1,14 @@
 """Folders: files appear whole or not at all, names stay inside, full disks are one line, two runs do not mix."""
 
 import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from corpus_helpers import tiny_spec
+from peaksim.corpus import make_corpus
 from peaksim.corpus.store import open_store, write
 from peaksim.errors import InputError
 
@@ -19,6 +24,45 @@ def test_what_is_written_is_read_and_listed(tmp_path: Path) -> None:
     assert sorted(store.names()) == ["a/b/c.txt", "top.txt"]
     assert list(store.names("a/")) == ["a/b/c.txt"]
     assert list(store.names("none/")) == []
+
+
+def test_files_settle_many_at_once_and_a_missing_one_is_named(tmp_path: Path) -> None:
+    store = open_store(str(tmp_path))
+    names = [f"a/{k}" for k in range(40)]
+    for name in names:
+        assert write(store, name, name.encode(), lasting=False) == hashlib.sha256(name.encode()).hexdigest()
+    assert sorted(store.names()) == sorted(names)
+    with settled() as synced:
+        store.settle(names)
+    assert sorted(synced) == sorted(str(tmp_path / name) for name in names)
+    with pytest.raises(InputError, match=r"a/40: No such file"):
+        store.settle([*names, "a/40"])
+
+
+@contextmanager
+def settled() -> Iterator[list[str]]:
+    """Collect the paths of the files that are synced in the block."""
+    synced: list[str] = []
+
+    def note(handle: int) -> None:
+        synced.append(os.readlink(f"/proc/self/fd/{handle}"))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", note)
+        yield synced
+
+
+def test_a_shard_is_sealed_when_its_frames_have_settled(folder: Path, tmp_path: Path) -> None:
+    with settled() as synced:
+        make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+    where = {path: number for number, path in enumerate(synced)}
+    seals = [k for k, path in enumerate(synced) if "/.unfinished/" in path]
+    frames = sorted((tmp_path / "c" / "frames").rglob("*.*"))
+    assert len(frames) == 24
+    assert all(str(frame) in where for frame in frames)
+    for shard in range(4):
+        last = max(where[str(frame)] for frame in frames if frame.parent.name == f"{shard:06d}")
+        assert any(last < seal < last + 2 for seal in seals)  # the next thing that is synced is the shard's sums
 
 
 def test_an_exception_while_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
