@@ -7,6 +7,7 @@ import atexit
 import ctypes
 import os
 from functools import cache, lru_cache
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,9 @@ from peaksim.render_gl_tiles import Window
 from peaksim.scene import Scene
 
 _LINES, _TRIANGLES = 1, 4
+_DRAWINGS_OF_OSMESA = 20
+"""Its contexts keep 2 to 8 MB of each drawing, so that a new one is opened from time to time."""
+_drawings = count(1)
 _FAILURES = (AssertionError, RuntimeError, ctypes.ArgumentError, OSError)
 
 
@@ -73,6 +77,8 @@ def draw_numbers(
             numbers, _ = renderer.render(drawn, flags=pyrender.RenderFlags.FLAT)
         finally:
             drawn.remove_node(node)
+        if os.environ["PYOPENGL_PLATFORM"] == "osmesa" and next(_drawings) % _DRAWINGS_OF_OSMESA == 0:
+            _close()
     except _FAILURES as error:
         raise RendererError(f"OpenGL failed while drawing: {type(error).__name__} {error}") from error
     return np.asarray(numbers)
@@ -85,11 +91,11 @@ def _drawn(scene: Scene) -> Any:
 
     squares = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
     triangles = triangles_m(scene.meshes)
-    count = len(squares) + len(triangles)
-    if count >= NUMBER_BITS:
-        raise SceneError(f'scene: expected fewer than {NUMBER_BITS} faces for "gl", got {count}')
+    total = len(squares) + len(triangles)
+    if total >= NUMBER_BITS:
+        raise SceneError(f'scene: expected fewer than {NUMBER_BITS} faces for "gl", got {total}')
     drawn = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
-    quad_numbers, triangle_numbers = np.arange(1, len(squares) + 1), np.arange(len(squares) + 1, count + 1)
+    quad_numbers, triangle_numbers = np.arange(1, len(squares) + 1), np.arange(len(squares) + 1, total + 1)
     # outlines show quads that are thinner than a sample
     parts = ((squares[:, [0, 1, 2, 0, 2, 3]], quad_numbers, _TRIANGLES),
              (squares[:, [0, 1, 1, 2, 2, 3, 3, 0]], quad_numbers, _LINES),
@@ -130,6 +136,14 @@ def _context() -> tuple[Any, str]:
         raise RendererError(f"no OpenGL context opens: {type(error).__name__} {error}") from error
     renderer._renderer._read_main_framebuffer = _read_numbers
     return renderer, name
+
+
+def _close() -> None:
+    """Close the renderer; the next drawing opens a new one."""
+    renderer = _context()[0]
+    atexit.unregister(renderer.delete)
+    renderer.delete()
+    _context.cache_clear()
 
 
 def _loads(library: str) -> bool:
