@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FRAMES_PER_SECOND, WIDTH_PX = 10, 1024
-"""Of `filmed`."""
+"""Of films whose pictures have no rate of their own, and of experiments' films."""
 
 Picture = NDArray[np.uint8]
 View = TypeVar("View")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from peakmark import surf
 from peakmark.classification import Classifier, evidence, shipped_classifier
 from peakmark.identification import SIDE_OF_SCALE, Detection
-from peakmark.identification_joint import one_each
+from peakmark.identification_joint import aligned_evidence, one_each
 from peakmark.keypoints import Keypoints
 from peakmark.marker import Polarity
 from peakmark.refine import Refined, refine
@@ -114,7 +114,8 @@ def _detections(
     features: Keypoints, columns: NDArray[np.float64], rows: NDArray[np.intp], refined: Refined
 ) -> list[Detection]:
     sides_px = refined.side_px
-    good = aligned_evidence(columns[rows], refined) @ WEIGHTS[:-1] + WEIGHTS[-1] > 0
+    aligned = aligned_evidence(columns[rows, 3], columns[rows, 1], refined, LEAST_UNEXPLAINED)
+    good = aligned @ WEIGHTS[:-1] + WEIGHTS[-1] > 0
     return [
         Detection(
             id=int(row),
@@ -130,21 +131,6 @@ def _detections(
         for k, row in enumerate(rows)
         if good[k]
     ]
-
-
-def aligned_evidence(columns: NDArray[np.float64], refined: Refined) -> NDArray[np.float64]:
-    """Return (n, 4) columns: quotient, VIS distance, −log of the unexplained share, blur in sides.
-
-    Parameters
-    ----------
-    columns
-        (n, c) of `classification.evidence`.
-    refined
-        The alignment of each; one that did not converge counts as explaining nothing.
-    """
-    unexplained = np.where(refined.converged, np.maximum(1 - refined.explained, LEAST_UNEXPLAINED), 1.0)
-    blur = np.where(refined.converged, refined.blur_px / refined.side_px, 1.0)
-    return np.column_stack([columns[:, 3], columns[:, 1], -np.log(unexplained), blur])
 
 
 def polarity_by_signature(descriptors: NDArray[np.float32]) -> list[Polarity]:

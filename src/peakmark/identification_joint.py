@@ -44,7 +44,7 @@ RETRIES = (0.95, 1.15)
 these multiples of their size: one marker in two hundred needs it."""
 
 WEIGHTS = np.array([8.8, -11.2, 4.1, -100.0, -8.4])
-"""Of the columns of `evidence`, and the offset."""
+"""Of the columns of `aligned_evidence`, and the offset."""
 
 LEAST_UNEXPLAINED = 0.018
 """Unexplained shares below this count as this: what is left of a marker is noise."""
@@ -156,7 +156,8 @@ def marked_candidates(
 
 def is_marker(candidates: Candidates) -> NDArray[np.bool_]:
     """Return (n,) the decision."""
-    return np.asarray(evidence(candidates) @ WEIGHTS[:-1] + WEIGHTS[-1] > 0)
+    columns = aligned_evidence(candidates.quotients, candidates.distances, candidates.refined, LEAST_UNEXPLAINED)
+    return np.asarray(columns @ WEIGHTS[:-1] + WEIGHTS[-1] > 0)
 
 
 def is_covered(xy: NDArray[np.float32], markers: Refined) -> NDArray[np.bool_]:
@@ -186,13 +187,26 @@ def _column_wise(operation: Callable[..., NDArray[Any]], *refined: Refined) -> R
     return Refined(**{c.name: operation(*(getattr(r, c.name) for r in refined)) for c in fields(Refined)})
 
 
-def evidence(candidates: Candidates) -> NDArray[np.float64]:
-    """Return (n, 4) columns: quotient, signature distance, −log of the unexplained share, blur in sides."""
-    refined = candidates.refined
-    unexplained = np.maximum(1 - refined.explained, LEAST_UNEXPLAINED)
+def aligned_evidence(
+    shares: NDArray[np.float64], distances: NDArray[np.float64], refined: Refined, least_unexplained: float
+) -> NDArray[np.float64]:
+    """Return (n, 4) columns: quotient, signature distance, −log of the unexplained share, blur in sides.
+
+    Parameters
+    ----------
+    shares
+        (n,) see `quotients`.
+    distances
+        (n,) signature distances.
+    refined
+        The alignment of each; one that did not converge explains nothing, and its blur counts as a side.
+    least_unexplained
+        Unexplained shares below this count as this.
+    """
+    unexplained = np.maximum(1 - refined.explained, least_unexplained)
     with np.errstate(invalid="ignore"):
         blur = np.where(refined.converged, refined.blur_px / refined.side_px, 1.0)
-    return np.column_stack([candidates.quotients, candidates.distances, -np.log(unexplained), blur])
+    return np.column_stack([shares, distances, -np.log(unexplained), blur])
 
 
 def quotients(gray: NDArray[np.uint8], features: Keypoints, stretch: Stretch) -> NDArray[np.float64]:

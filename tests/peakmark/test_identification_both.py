@@ -11,7 +11,8 @@ from walls import centers, sheet, wall
 from peakmark import decode_arrays, identify
 from peakmark.errors import InputError
 from peakmark.experiments.cave_rooms import photographs
-from peakmark.identification_both import WEIGHTS, aligned_evidence, features_of, identify_both, polarity_by_signature
+from peakmark.identification_both import LEAST_UNEXPLAINED, WEIGHTS, features_of, identify_both, polarity_by_signature
+from peakmark.identification_joint import aligned_evidence
 from peakmark.refine import refine
 
 
@@ -70,7 +71,7 @@ def test_alignment_that_did_not_converge_explains_nothing() -> None:
     picture = wall([(sheet(5), 240, 180, 40, 10)])
     refined = refine(picture, [[20.0, 20.0]], [30.0], "surf-dark")
     assert not refined.converged.any()
-    evidence = aligned_evidence(np.array([[4.0, 0.1, 1.5, 0.7]]), refined)
+    evidence = aligned_evidence(np.array([0.7]), np.array([0.1]), refined, LEAST_UNEXPLAINED)
     np.testing.assert_array_equal(evidence, [[0.7, 0.1, 0.0, 1.0]])
     assert evidence @ WEIGHTS[:-1] + WEIGHTS[-1] < 0
 

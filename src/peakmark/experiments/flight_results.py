@@ -17,12 +17,10 @@ from peakmark.experiments.flight_course import Step, distances, is_wrong, pose_e
 from peakmark.experiments.flight_summary import BINS, figures, has_evo, recall_by
 from peakmark.experiments.floor import peak_memory_mb
 from peakmark.experiments.floor_results import write_rows
-from peakmark.film import film
+from peakmark.film import WIDTH_PX, film
 from peakmark.localise import FEWEST
 from peakmark.overlay import draw_overlay
 from peakmark.results import result_folder, write_json
-
-FILM_WIDTH_PX = 1024
 
 
 def run(
@@ -117,7 +115,7 @@ def _write(
     write_rows(folder / "frames.csv", rows)
     write_detections(folder / "detections.parquet", flight, records, course)
     _write_poses(folder, flight, records, course)
-    with film(folder / "flight.mp4", flight.ride.frames_per_second, FILM_WIDTH_PX) as append:
+    with film(folder / "flight.mp4", flight.ride.frames_per_second, WIDTH_PX) as append:
         for index in range(len(records)):
             append(flight_files.load_picture(store, index))
     if flight.floor_map is not None:

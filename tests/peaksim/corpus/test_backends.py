@@ -103,6 +103,7 @@ def test_a_worker_dies_with_its_parent_whatever_it_does(tmp_path: Path) -> None:
         parent.wait(10)
     worker = int((tmp_path / "pid").read_text())
     wait_until(lambda: not is_alive(worker), limit_s=20)
+    assert not is_alive(worker)
 
 
 def environment_with_these_tests() -> dict[str, str]:
