@@ -13,12 +13,11 @@ from peaksim.frame import error_budget
 from peakmark import plots
 from peakmark.experiments.cave import CaveConfig, View, marker_rows, open_cave, walk
 from peakmark.experiments.floor import peak_memory_mb
-from peakmark.experiments.floor_results import write_rows
+from peakmark.experiments.floor_results import at_markers, write_rows
 from peakmark.film import filmed
 from peakmark.overlay_arrays import box_around, draw_arrays
 from peakmark.report import Section, Table, jpeg_uri, svg_uri, write_report
 from peakmark.results import result_folder, write_json
-from peakmark.score import TOLERANCE_PX, owners
 
 COUNTS = (
     "markers_in_view", "markers_found", "false_detections", "polarity_errors", "polarity_errors_by_signature",
@@ -104,8 +103,7 @@ def response_figure(view: View) -> Any:
     """Return Figure 14, without the second key points that overlapping octaves find at the markers."""
     figure, ax = plots.new_figure()
     found = view.reading.found
-    visible = [t for t in view.frame.truth if t.visible_fraction > 0]
-    is_shown = owners(visible, found.features, TOLERANCE_PX) < 0
+    is_shown = ~at_markers(view.frame.truth, found.features)
     is_marker = np.zeros(len(found.features), dtype=bool)
     is_marker[marker_rows(view)] = True
     is_shown |= is_marker

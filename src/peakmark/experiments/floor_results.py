@@ -1,7 +1,7 @@
 """Writes what the floor experiment found: pictures, film, tables, report.html and result.json."""
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.frame import error_budget
+from peaksim.frame import MarkerTruth, error_budget
 
 from peakmark import plots
 from peakmark.experiments.floor import FloorConfig, Tally, View, fly, open_scene, peak_memory_mb
 from peakmark.film import filmed
 from peakmark.identification_paper import SIGNATURE_LIMIT
+from peakmark.keypoints import Keypoints
 from peakmark.overlay import draw_overlay
 from peakmark.report import Section, Table, jpeg_uri, svg_uri, write_report
 from peakmark.results import result_folder, write_json
@@ -85,23 +86,24 @@ def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> tupl
     return figures
 
 
-def at_markers(view: View) -> NDArray[np.bool_]:
+def at_markers(truth: Sequence[MarkerTruth], features: Keypoints) -> NDArray[np.bool_]:
     """Return for each feature whether it lies at a visible marker's centre."""
-    visible = [t for t in view.frame.truth if t.visible_fraction > 0]
-    return owners(visible, view.found.features, TOLERANCE_PX) >= 0
+    visible = [marker for marker in truth if marker.visible_fraction > 0]
+    return owners(visible, features, TOLERANCE_PX) >= 0
 
 
 def responses_figure(view: View) -> Any:
     """Return Figure 11."""
     figure, ax = plots.new_figure()
-    plots.response_ranking(ax, view.found.features.response, at_markers(view))
+    plots.response_ranking(ax, view.found.features.response, at_markers(view.frame.truth, view.found.features))
     return figure
 
 
 def signatures_figure(view: View) -> Any:
     """Return Figure 12."""
     figure, ax = plots.new_figure()
-    plots.signature_ranking(ax, view.found.signature_distances, at_markers(view), SIGNATURE_LIMIT)
+    is_marker = at_markers(view.frame.truth, view.found.features)
+    plots.signature_ranking(ax, view.found.signature_distances, is_marker, SIGNATURE_LIMIT)
     return figure
 
 
