@@ -28,6 +28,7 @@ regress: $(TESTS_READY)
 
 check: $(TESTS_READY)
 	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
 bench: $(READY)

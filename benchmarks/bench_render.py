@@ -12,9 +12,10 @@ from time import perf_counter
 import numpy as np
 import plain_gl
 from baseline import Ratios, compare
-from peaksim import Scene, load_scene, render_gl
-from peaksim.area_integral import integrate
-from peaksim.camera import Camera, resized
+from peaksim import Scene, load_scene
+from peaksim.area.integrate import integrate
+from peaksim.camera.camera import Camera, resized
+from peaksim.gl import integrate as render_gl
 from rich.console import Console
 from rich.table import Table
 

@@ -22,7 +22,7 @@ from rich.table import Table
 from rivals import ROWS, Job, jobs
 from stages import time_stages
 
-from peakmark.detectors import has_opencv_surf
+from peakmark.detectors.registry import has_opencv_surf
 from peakmark.parallel import thread_count
 
 TARGETS = {"detect": 6.0, "detect + describe": 5.0, "strongest 200": 14.0}

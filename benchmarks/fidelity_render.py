@@ -8,10 +8,11 @@ from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
-from area_reference import area_integral
-from peaksim import render_gl
-from peaksim.area_integral import integrate
-from views import LENSES, random_view, through
+from peaksim.area.integrate import integrate
+from peaksim.gl import integrate as render_gl
+
+from tests.peaksim.area.area_reference import area_integral
+from tests.peaksim.views import LENSES, random_view, through
 
 
 def figures(draw: Callable[[], np.ndarray], reference: np.ndarray) -> tuple[float, float, float]:
@@ -39,12 +40,17 @@ def main() -> None:
         exact = figures(lambda v=view: integrate(v.scene, v.camera, v.pose[None]), reference)
         gl = figures(lambda v=view: render_gl.integrate(v.scene, v.camera, v.pose), reference)
         rows.append([*exact, *gl])
-        print(f"{view.name:65s} exact {exact[0]:.2f} {exact[1]:.1f} {exact[2]:.3f}  "
-              f"gl {gl[0]:.2f} {gl[1]:.1f} {gl[2]:.3f}", flush=True)  # fmt: skip
+        print(
+            f"{view.name:65s} exact {exact[0]:.2f} {exact[1]:.1f} {exact[2]:.3f}  "
+            f"gl {gl[0]:.2f} {gl[1]:.1f} {gl[2]:.3f}",
+            flush=True,
+        )
     for name, table in (("exact", np.array(rows)[:, :3]), ("gl", np.array(rows)[:, 3:])):
         good = ((table[:, 0] < 0.5) & (table[:, 1] < 3)).sum()
-        print(f"{name}: {good} of {len(table)} within rms 0.5 and p99.9 3; median rms {np.median(table[:, 0]):.2f}, "
-              f"worst {table[:, 0].max():.2f}; worst p99.9 {table[:, 1].max():.1f}")  # fmt: skip
+        print(
+            f"{name}: {good} of {len(table)} within rms 0.5 and p99.9 3; median rms {np.median(table[:, 0]):.2f}, "
+            f"worst {table[:, 0].max():.2f}; worst p99.9 {table[:, 1].max():.1f}"
+        )
 
 
 if __name__ == "__main__":

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from pictures import Picture, parity_pictures
-from surf_parity import Parity, compare
 
 from peakmark import surf
-from peakmark.detectors import has_opencv_surf, opencv_surf
+from peakmark.detectors.registry import has_opencv_surf, opencv_surf
+from tests.peakmark.surf.parity import Parity, compare
 
 SETTINGS: dict[str, Mapping[str, Any]] = {
     "default": {},

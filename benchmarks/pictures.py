@@ -9,8 +9,8 @@ import skimage.data
 from numpy.typing import NDArray
 from peaksim import load_scene, render
 
-from peakmark.gray import as_gray
-from peakmark.stretch import stretched
+from peakmark.identification.stretch import stretched
+from peakmark.keypoints.image import as_gray
 
 Picture = NDArray[np.uint8]
 

@@ -7,10 +7,10 @@ import numpy as np
 import pyrender
 from OpenGL import GL
 from peaksim import Scene
-from peaksim.camera import Camera
-from peaksim.faces import BACK_LEVEL
-from peaksim.render_gl_context import _context
-from peaksim.scene import Quad
+from peaksim.area.faces import BACK_LEVEL
+from peaksim.camera.camera import Camera
+from peaksim.gl.context import _context
+from peaksim.scene.scene import Quad
 
 SAMPLES = 4
 TILE_PX = (1024, 512)
@@ -33,9 +33,12 @@ def _tile(drawn: Any, camera: Camera, pose: np.ndarray, x: int, y: int, width: i
     renderer = _context()[0]
     renderer.viewport_width, renderer.viewport_height = width * SAMPLES, height * SAMPLES
     lens = pyrender.IntrinsicsCamera(
-        camera.fx * SAMPLES, camera.fy * SAMPLES, (camera.cx + 0.5 - x) * SAMPLES, (camera.cy + 0.5 - y) * SAMPLES,
+        camera.fx * SAMPLES,
+        camera.fy * SAMPLES,
+        (camera.cx + 0.5 - x) * SAMPLES,
+        (camera.cy + 0.5 - y) * SAMPLES,
         *DEPTHS_M,
-    )  # fmt: skip
+    )
     node = drawn.add(lens, pose=pose @ np.diag([1.0, -1.0, -1.0, 1.0]))
     numbers_of, renderer._renderer._read_main_framebuffer = renderer._renderer._read_main_framebuffer, _read_red
     try:

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 from peaksim import Camera, Light, Mesh, Quad, Scene, Texture, Trajectory, load_scene, render
-from peaksim.pose import compose, look_at, rotation_about
+from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.shipped import ASSETS
 from PIL import Image
 
 CAMERA = Camera(width=480, height=360, fx=400.0, fy=400.0, cx=239.5, cy=179.5)
 FISHEYE = Camera(480, 360, 150.0, 150.0, 239.5, 179.5, (-0.02, 0.004, -0.001, 0.0002), model="fisheye")
 MARKER = Texture.from_file(ASSETS / "markers/surf-dark.png")
-CHEQUER = Texture.from_array((np.add.outer(
-    np.arange(480) // 20, np.arange(800) // 20) % 2 * 175 + 60).astype(np.uint8))  # fmt: skip
+CHEQUER = Texture.from_array((np.add.outer(np.arange(480) // 20, np.arange(800) // 20) % 2 * 175 + 60).astype(np.uint8))
 
 
 def room() -> Scene:
@@ -51,8 +50,10 @@ def pictures() -> dict[str, np.ndarray]:
     lamps = (Light("ambient", 0.35), Light("point", 1.1, position_m=(-0.6, -0.4, 2.4), reference_m=2.0))
     front = look_at([0.3, -1.6, 1.5], [0.0, 1.2, 0.5])
     grazing = look_at([-1.6, 1.75, 1.0], [0.6, 1.99, 1.0])
-    way = Trajectory(np.array([-0.5, 0.5]), np.stack([front @ compose(rotation_about("y", a), [x, 0, 0])
-                                                     for a, x in ((-25, -0.6), (25, 0.6))]))  # fmt: skip
+    way = Trajectory(
+        np.array([-0.5, 0.5]),
+        np.stack([front @ compose(rotation_about("y", a), [x, 0, 0]) for a, x in ((-25, -0.6), (25, 0.6))]),
+    )
     views = {
         "floor": (flat, CAMERA, look_at([0.0, -2.0, 1.0], [0.0, 0.3, 0.0])),
         "grazing": (flat, CAMERA, grazing),

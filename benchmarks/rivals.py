@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark import surf
-from peakmark.detectors import has_opencv_surf
+from peakmark.detectors.registry import has_opencv_surf
 
 Job = Callable[[], object]
 ROWS = ("detect", "detect + describe", "strongest 200")

@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.integral import padded_integral
 from peakmark.parallel import bands, map_parallel, thread_count
-from peakmark.surf_descriptor import describe_windows, window_side
-from peakmark.surf_hessian import find_interest_points, strongest_first
-from peakmark.surf_orientation import measure_angles
-from peakmark.surf_window import interleave_rows
+from peakmark.surf.descriptor import describe_windows, window_side
+from peakmark.surf.hessian import find_interest_points, strongest_first
+from peakmark.surf.integral import padded_integral
+from peakmark.surf.orientation import measure_angles
+from peakmark.surf.window import interleave_rows
 
 HAAR_SAMPLES, HAAR_CORNERS = 113, 8
 

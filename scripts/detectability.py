@@ -1,7 +1,7 @@
 """Redo the experiments of Section 4.1: `python scripts/detectability.py --help`."""
 
-from peakmark.command import run_command
-from peakmark.experiments.detectability_command import detectability
+from peakmark.cli.command import run_command
+from peakmark.cli.detectability import detectability
 
 if __name__ == "__main__":
     run_command(detectability)

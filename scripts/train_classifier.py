@@ -1,7 +1,7 @@
 """Train and judge the classifier of key points: `python scripts/train_classifier.py --help`."""
 
-from peakmark.command import run_command
-from peakmark.experiments.cave_training_command import train_classifier
+from peakmark.cli.cave_training_command import train_classifier
+from peakmark.cli.command import run_command
 
 if __name__ == "__main__":
     run_command(train_classifier)

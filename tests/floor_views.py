@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.camera import Camera
-from peaksim.pose import Pose, compose, invert, look_at, rotation_about, transform
+from peaksim.camera.camera import Camera
+from peaksim.geometry.pose import Pose, compose, invert, look_at, rotation_about, transform
 
-from peakmark.localise import FloorMap
+from peakmark.localise.locate import FloorMap
 
 SIDE_M = 0.08
 SPACING_M = 0.28

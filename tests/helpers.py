@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from peaksim import render_gl
+from peaksim.gl import integrate as render_gl
 
-from peakmark.marker import Polarity, surf_marker
+from peakmark.markers.patterns import Polarity, surf_marker
 
 needs_gl = pytest.mark.skipif(not render_gl.is_available(), reason="no OpenGL context opens on this machine")
 """For tests of the OpenGL renderer: a user without sudo may have none."""

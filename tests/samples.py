@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.keypoints import Keypoints
+from peakmark.keypoints.keypoints import Keypoints
 
 
 def some_keypoints(n: int = 5, descriptor_length: int | None = 4, seed: int = 0) -> Keypoints:

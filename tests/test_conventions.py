@@ -2,21 +2,21 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from helpers import marker_view, needs_gl
 from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
-from peaksim.pose import compose, invert, look_at, rotation_about, transform
+from peaksim.camera.shutter import Shot
+from peaksim.geometry.pose import compose, invert, look_at, rotation_about, transform
 from peaksim.rendering import Renderer
-from peaksim.scene_file import load_scene
-from peaksim.shutter import Shot
+from peaksim.scene.file import load_scene
 
 from peakmark import surf
-from peakmark.arrays_layout import THREE_BIT, polarities_of
-from peakmark.experiments.floor import FloorConfig, look
+from peakmark.experiments.floor.still import FloorConfig, look
+from peakmark.markers.array_code import THREE_BIT, polarities_of
+from tests.helpers import marker_view, needs_gl
+from tests.places import ROOT
 
 CAMERA = Camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5)
 FACING = compose(np.diag([1.0, -1.0, -1.0]), [0, 0, 1.0])  # a camera 1 m above a quad in z = 0, its x along the quad's
@@ -31,7 +31,7 @@ def picture(*quads: Quad, pose: np.ndarray = FACING, background: float = 0.0) ->
 
 
 def test_every_sentence_has_a_test() -> None:
-    page = (Path(__file__).resolve().parent.parent / "CONVENTIONS.md").read_text()
+    page = (ROOT / "CONVENTIONS.md").read_text()
     numbers = {int(n) for n in re.findall(r"^(\d+)\. ", page, re.M)}
     assert numbers == {int(n) for name in globals() for n in re.findall(r"^test_(\d+)_", name)}
 
@@ -148,8 +148,10 @@ def test_14_the_affinity_maps_sides_right_and_down() -> None:
 
 def test_15_light_is_one_and_the_first_marker_counts_most() -> None:
     assert [polarities_of(code) for code in (0, 1, 4)] == [
-        ("dark", "dark", "dark"), ("dark", "dark", "light"), ("light", "dark", "dark"),
-    ]  # fmt: skip
+        ("dark", "dark", "dark"),
+        ("dark", "dark", "light"),
+        ("light", "dark", "dark"),
+    ]
     assert THREE_BIT.cells == ((1, 0), (0, 1), (1, 1))
     laplacian = {p: surf.detect(marker_view(60, polarity=p))[0].laplacian[0] for p in polarities_of(1)}  # type: ignore[arg-type]
     bits = [int(laplacian[p] < 0) for p in polarities_of(6)]

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from regress_helpers import frame, marker, missed, record, sound
 
 from peakmark.regress.compare import compare
 from peakmark.regress.page import write_page
 from peakmark.regress.run import PICTURE
+from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 

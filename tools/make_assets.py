@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from peakmark.marker import surf_marker
+from peakmark.markers.patterns import surf_marker
 
 MARKERS = Path(__file__).resolve().parent.parent / "assets" / "markers"
 SIDE_PX = 144  # 16 texels a cell

@@ -6,6 +6,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
 
 from peaksim.errors import ImageError
 
@@ -27,8 +28,6 @@ def read_image(source: str | Path | BinaryIO, name: str | None = None) -> NDArra
     ImageError
         One line that names the file: it is missing, no picture, damaged, cut off, or larger than `MAX_PIXELS`.
     """
-    from PIL import Image, UnidentifiedImageError
-
     path = name or source
     try:
         with warnings.catch_warnings():

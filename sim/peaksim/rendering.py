@@ -7,16 +7,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from peaksim.camera import Camera
+from peaksim.area.integrate import integrate
+from peaksim.camera.camera import Camera
+from peaksim.camera.frame import Frame
+from peaksim.camera.sensor import quantise
+from peaksim.camera.shutter import Shot, still
 from peaksim.errors import SceneError
-from peaksim.frame import Frame
-from peaksim.pose import rigid
-from peaksim.scene import Scene
-from peaksim.sensor import quantise
-from peaksim.shutter import Shot, still
-from peaksim.trajectory import Trajectory
-from peaksim.truth import marker_truth
-from peaksim.truth_surfaces import surfaces, surfaces_at
+from peaksim.geometry.pose import rigid
+from peaksim.geometry.trajectory import Trajectory
+from peaksim.gl import integrate as render_gl
+from peaksim.scene.scene import Scene
+from peaksim.truth.markers import marker_truth
+from peaksim.truth.surfaces import surfaces, surfaces_at
 
 Renderer = Literal["auto", "exact", "gl"]
 
@@ -98,7 +100,6 @@ def choose(shot: Shot, renderer: Renderer) -> Literal["exact", "gl"]:
         return "gl"
     if shot.is_rolling:
         return "exact"
-    from peaksim import render_gl
 
     if render_gl.is_available():
         return "gl"
@@ -111,9 +112,7 @@ def _say_once(message: str) -> None:
     print(f"peaksim: {message}", file=sys.stderr)
 
 
-def draw(
-    scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]
-) -> tuple[NDArray[np.float32], str | None]:
+def draw(scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
     moments = shot.moments(count_moments(scene, shot)) if shot.is_blurred else (shot,)
     pictures = (_draw_sharp(scene, moment, renderer) for moment in moments)
@@ -122,17 +121,13 @@ def draw(
         linear += picture / np.float32(len(moments))
     if renderer == "exact":
         return linear, None
-    from peaksim import render_gl
 
     return linear, render_gl.gl_renderer()
 
 
 def _draw_sharp(scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]) -> NDArray[np.float32]:
     if renderer == "exact":
-        from peaksim.area_integral import integrate
-
         return integrate(scene, shot.camera, shot.row_poses(np.arange(shot.camera.height)))
-    from peaksim import render_gl
 
     return render_gl.integrate(scene, shot.camera, shot.pose)
 

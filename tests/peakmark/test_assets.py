@@ -3,13 +3,13 @@
 import hashlib
 import re
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.places import ROOT
+
 ASSETS = ROOT / "assets"
 sys.path.insert(0, str(ROOT / "tools"))
 

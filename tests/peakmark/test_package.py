@@ -3,9 +3,9 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
-SOURCES = os.pathsep.join(str(Path(__file__).parents[2] / folder) for folder in ("src", "sim"))
+from tests.places import SOURCES
+
 SMALL = "np.eye(64, dtype=np.uint8) * 255"
 
 

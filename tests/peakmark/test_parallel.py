@@ -6,12 +6,12 @@ import sys
 import threading
 
 import pytest
-from corpus_helpers import child_environment
 from hypothesis import given
 from hypothesis import strategies as st
 
 from peakmark import parallel
 from peakmark.errors import InputError
+from tests.peaksim.corpus.helpers import child_environment
 
 
 @given(st.integers(0, 1000), st.integers(1, 50))

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import needs_gl
 from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
-from peaksim.pose import compose, look_at, rotation_about
+from peaksim.camera.shutter import Shot
+from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.rendering import Renderer
-from peaksim.shutter import Shot
+
+from tests.helpers import needs_gl
 
 PINHOLE = Camera(width=640, height=480, fx=500.0, fy=510.0, cx=310.0, cy=250.0)
 BROWN = replace(PINHOLE, distortion=(-0.28, 0.09, 0.001, -0.002, -0.01))
@@ -23,8 +24,13 @@ BLOB = Texture.from_array(np.rint(255 * _LINE[:, None] * _LINE).astype(np.uint8)
 
 def moving(metres: tuple[float, float, float], turn_deg: float) -> Trajectory:
     """Return a second of motion that begins before the start pose and ends behind it."""
-    poses = [START @ compose(rotation_about("y", k * turn_deg / 2) @ rotation_about("z", k * turn_deg / 3),
-                             k * np.array(metres) / 2) for k in (-1.0, -0.3, 0.4, 1.0)]  # fmt: skip
+    poses = [
+        START
+        @ compose(
+            rotation_about("y", k * turn_deg / 2) @ rotation_about("z", k * turn_deg / 3), k * np.array(metres) / 2
+        )
+        for k in (-1.0, -0.3, 0.4, 1.0)
+    ]
     return Trajectory(np.array([-0.5, -0.15, 0.2, 0.5]), np.stack(poses))
 
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers import needs_gl
 from peaksim import Camera, Light, Mesh, Quad, Scene, Texture, render
-from peaksim.pose import Pose, compose, look_at, rotation_about
+from peaksim.geometry.pose import Pose, compose, look_at, rotation_about
 from peaksim.rendering import Renderer
+
+from tests.helpers import needs_gl
 
 try:
     import mitsuba
@@ -44,12 +45,21 @@ def sensor(samples: int) -> dict:
     # Mitsuba's camera looks along z with x to the left
     turned = POSE @ np.diag([-1.0, -1.0, 1.0, 1.0])
     return {
-        "type": "perspective", "to_world": mitsuba.ScalarTransform4f(turned), "fov_axis": "x",
-        "fov": float(np.degrees(2 * np.arctan(CAMERA.width / 2 / CAMERA.fx))), "near_clip": 0.01,
-        "film": {"type": "hdrfilm", "width": CAMERA.width, "height": CAMERA.height, "rfilter": {"type": "box"},
-                 "pixel_format": "luminance", "component_format": "float32"},
+        "type": "perspective",
+        "to_world": mitsuba.ScalarTransform4f(turned),
+        "fov_axis": "x",
+        "fov": float(np.degrees(2 * np.arctan(CAMERA.width / 2 / CAMERA.fx))),
+        "near_clip": 0.01,
+        "film": {
+            "type": "hdrfilm",
+            "width": CAMERA.width,
+            "height": CAMERA.height,
+            "rfilter": {"type": "box"},
+            "pixel_format": "luminance",
+            "component_format": "float32",
+        },
         "sampler": {"type": "independent", "sample_count": samples},
-    }  # fmt: skip
+    }
 
 
 def estimate(shapes: dict, integrator: dict) -> tuple[np.ndarray, np.ndarray]:
@@ -77,10 +87,13 @@ def variant() -> None:
 @pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
 def test_textured_quads_agree_with_mitsuba(renderer: Renderer) -> None:
     shapes = {
-        q.name: {"type": "rectangle", "to_world": to_world(q.world_from_quad, q.size_m),
-                 "emitter": {"type": "area", "radiance": bitmap(q.texture.pixels)}}
+        q.name: {
+            "type": "rectangle",
+            "to_world": to_world(q.world_from_quad, q.size_m),
+            "emitter": {"type": "area", "radiance": bitmap(q.texture.pixels)},
+        }
         for q in quads()
-    }  # fmt: skip
+    }
     mean, error = estimate(shapes, {"type": "path", "max_depth": 1})
     picture = render(Scene(quads(), background=0.0), CAMERA, POSE, renderer=renderer).linear
     assert_within_noise(picture, mean, error)

@@ -4,15 +4,29 @@ import numpy as np
 import pytest
 from peaksim import Camera, Mesh, Quad, Scene, Texture, Trajectory, render
 from peaksim.errors import ImageError, InputError, SceneError
-from peaksim.pose import compose
-from peaksim.trajectory import from_quaternions
+from peaksim.geometry.pose import compose
+from peaksim.geometry.trajectory import from_quaternions
 
 CAMERA = Camera(width=40, height=30, fx=40.0, fy=40.0, cx=19.5, cy=14.5)
 ABOVE = compose(np.diag([1.0, -1.0, -1.0]), [0, 0, 1.0])
 WHITE = Texture.from_array(np.full((1, 1), 255, np.uint8))
 SLAB = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-SLAB_FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-                       [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])  # fmt: skip
+SLAB_FACES = np.array(
+    [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
+)
 
 
 @pytest.mark.parametrize("size_m", [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (np.inf, 1.0)])
@@ -28,8 +42,10 @@ def test_cameras_of_no_or_of_monstrous_size_are_refused(size: tuple[int, int], m
 
 
 def test_a_camera_inside_a_mesh_sees_its_inner_side() -> None:
-    scene = Scene((Quad("floor", WHITE, (9, 9), compose(np.eye(3), [0, 0, -3])),),
-                  (Mesh("room", SLAB * 2, SLAB_FACES, color=(70.0,) * 3),))  # fmt: skip
+    scene = Scene(
+        (Quad("floor", WHITE, (9, 9), compose(np.eye(3), [0, 0, -3])),),
+        (Mesh("room", SLAB * 2, SLAB_FACES, color=(70.0,) * 3),),
+    )
     frame = render(scene, CAMERA, ABOVE, renderer="exact")
     assert (frame.image == 70).all()
     assert np.allclose(frame.depth_m, 3)  # the slab's lower side, 3 m below the eye
@@ -82,8 +98,12 @@ def test_a_triangle_of_no_area_is_not_seen() -> None:
 
 
 def test_a_camera_in_the_plane_of_a_quad_sees_nothing_of_it() -> None:
-    frame = render(Scene((Quad("q", WHITE, (9, 9), np.eye(4), marker="m"),), background=7.0), CAMERA,
-                   compose(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), [0, 0, 0]), renderer="exact")  # fmt: skip
+    frame = render(
+        Scene((Quad("q", WHITE, (9, 9), np.eye(4), marker="m"),), background=7.0),
+        CAMERA,
+        compose(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), [0, 0, 0]),
+        renderer="exact",
+    )
     assert (frame.image == 7).all()
     assert frame.truth[0].visible_fraction == 0
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from peaksim import Camera, Quad, Scene, Texture
-from peaksim.camera import resized
-from peaksim.pose import compose, look_at, rotation_about
+from peaksim.camera.camera import resized
+from peaksim.geometry.pose import compose, look_at, rotation_about
 from skimage import data
 
 NAMES = ("gravel", "brick", "camera", "astronaut")

@@ -28,7 +28,15 @@ MOST_DEATHS = 3
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 _ONE_THREAD = dict.fromkeys(
-    ("PEAKSIM_THREADS", "NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"), "1"
+    (
+        "PEAKSIM_THREADS",
+        "NUMBA_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "LP_NUM_THREADS",
+        "OPENCV_FOR_THREADS_NUM",
+    ),
+    "1",
 )
 """Each worker is one thread: whole frames side by side scale better than threads inside a frame."""
 
@@ -162,8 +170,10 @@ class _Crew:
     def _count_death(self, worker: _Worker) -> None:
         deaths = self._deaths[worker.number] = self._deaths.get(worker.number, 0) + 1
         if deaths >= MOST_DEATHS:
-            raise RendererError(f"task {worker.number}: {deaths} worker processes died over it, "
-                                f"the last with exit code {worker.process.exitcode} (out of memory?)")  # fmt: skip
+            raise RendererError(
+                f"task {worker.number}: {deaths} worker processes died over it, "
+                f"the last with exit code {worker.process.exitcode} (out of memory?)"
+            )
 
 
 def _serve(pipe: connection.Connection) -> None:
@@ -249,8 +259,10 @@ def _client(address: str) -> Iterator[Any]:
     with client:
         for worker, state in client.scheduler_info(n_workers=-1)["workers"].items():
             if state["nthreads"] != 1:
-                raise InputError(f"--dask {address}: expected workers of one thread (dask worker --nthreads 1), "
-                                 f"{worker} has {state['nthreads']}")  # fmt: skip
+                raise InputError(
+                    f"--dask {address}: expected workers of one thread (dask worker --nthreads 1), "
+                    f"{worker} has {state['nthreads']}"
+                )
         yield client
 
 

@@ -1,8 +1,9 @@
 """A camera as the YAML file that OpenCV's calibration writes and its samples read."""
 
+import cv2
 import numpy as np
 
-from peaksim.camera import Camera
+from peaksim.camera.camera import Camera
 
 
 def opencv_yaml(camera: Camera, name: str) -> str:
@@ -11,8 +12,6 @@ def opencv_yaml(camera: Camera, name: str) -> str:
     The distortion is 1×n, one 0 …×5 for a pinhole; the model is named as ROS does: "plumb_bob" up to 5 coefficients,
     "rational_polynomial" for 8, "equidistant" for OpenCV's fisheye.
     """
-    import cv2
-
     brown = "rational_polynomial" if len(camera.distortion) == 8 else "plumb_bob"
     empty = 4 if camera.model == "fisheye" else 5
     distortion = np.array([camera.distortion or (0.0,) * empty], dtype=np.float64)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from peaksim.camera import Camera
+from peaksim.camera.camera import Camera
 from peaksim.corpus.draws import Draws, corpus_draws
 from peaksim.corpus.spec import CameraChoice, CorpusSpec
 from peaksim.corpus.spread import Spread

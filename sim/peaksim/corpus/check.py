@@ -6,6 +6,7 @@ from hashlib import sha256
 
 from peaksim.corpus import layout
 from peaksim.corpus.read import Corpus, open_corpus
+from peaksim.corpus.store.base import is_safe
 from peaksim.errors import InputError
 
 OTHERS = "detections/"
@@ -69,7 +70,7 @@ def sums_of(content: bytes, name: str) -> list[tuple[str, str]]:
 
 
 def _fault(corpus: Corpus, name: str, digest: str) -> str | None:
-    if not layout.is_safe(name):
+    if not is_safe(name):
         return f"{name!r}: is not a plain file name"
     if not corpus.store.exists(name):
         return f"{name!r}: is missing"

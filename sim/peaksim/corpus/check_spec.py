@@ -9,9 +9,9 @@ from peaksim.corpus.plan import MOST_ATTEMPTS, plan_frame, read_scene
 from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import SceneError
-from peaksim.scene_build import facing
-from peaksim.scene_file import build_setup
-from peaksim.scene_schema import MarkerTable, RoomTable, SceneTable
+from peaksim.scene.build import facing
+from peaksim.scene.file import build_setup
+from peaksim.scene.schema import MarkerTable, RoomTable, SceneTable
 
 _SEQUENCES = 3  # sequences whose first view is drawn before a corpus begins
 
@@ -41,8 +41,11 @@ def check_spec(spec: CorpusSpec, folder: Path) -> None:
 
 def _probes(table: SceneTable, spec: CorpusSpec) -> tuple[MarkerTable, ...]:
     """Return one of the scene's markers in every kind that can come: building them proves that the kinds exist."""
-    return tuple(m.model_copy(update={"kind": kind, "name": f"probe {kind}"})
-                 for m in all_markers(table)[:1] for kind in spec.markers.kinds)  # fmt: skip
+    return tuple(
+        m.model_copy(update={"kind": kind, "name": f"probe {kind}"})
+        for m in all_markers(table)[:1]
+        for kind in spec.markers.kinds
+    )
 
 
 def _check_scene(spec: CorpusSpec, table: SceneTable) -> None:
@@ -80,8 +83,10 @@ def _check_marker(marker: MarkerTable, spread: MarkerSpread, room: RoomTable) ->
     extent = reach * np.sqrt(1 - np.clip(normal**2, 0, 1))
     low, high = np.array(marker.center_m) - extent, np.array(marker.center_m) + extent
     if not ((low >= np.array(room.min_m) - 1e-9) & (high <= np.array(room.max_m) + 1e-9)).all():
-        raise SceneError(f"markers: expected shifts and sizes that keep every marker in the room, "
-                         f"{marker.name!r} can leave it by up to {_outside(low, high, room):.3g} m")  # fmt: skip
+        raise SceneError(
+            f"markers: expected shifts and sizes that keep every marker in the room, "
+            f"{marker.name!r} can leave it by up to {_outside(low, high, room):.3g} m"
+        )
 
 
 def _outside(low: np.ndarray, high: np.ndarray, room: RoomTable) -> float:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from peaksim.corpus.layout import picture_name
 from peaksim.corpus.sample import KEYPOINTS, UNSEEN, Record, to_line
 from peaksim.corpus.spec import CorpusSpec
-from peaksim.corpus.store import Writing
-from peaksim.truth import polygon_area
+from peaksim.corpus.store.base import Writing
+from peaksim.truth.markers import polygon_area
 
 MOST_MARKERS = 10_000
 """In one frame; annotation numbers are built on it."""
@@ -62,8 +62,10 @@ def _image(spec: CorpusSpec, record: Record) -> dict[str, Any]:
 
 def _annotation(record: Record, marker: dict[str, Any], number: int, category: int) -> dict[str, Any]:
     camera, states = record["camera"], marker["points_seen"]
-    points = [[0.0, 0.0, 0] if state == UNSEEN else [*xy, state]
-              for xy, state in zip(marker["points_xy"], states, strict=True)]  # fmt: skip
+    points = [
+        [0.0, 0.0, 0] if state == UNSEEN else [*xy, state]
+        for xy, state in zip(marker["points_xy"], states, strict=True)
+    ]
     corners = np.array([xy for xy in marker["points_xy"][1:] if None not in xy], dtype=np.float64).reshape(-1, 2)
     outline = clipped(corners + 0.5, camera["width"], camera["height"])
     low, high = (outline.min(axis=0), outline.max(axis=0)) if len(outline) else (np.zeros(2), np.zeros(2))

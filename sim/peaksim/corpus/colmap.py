@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from peaksim.corpus.layout import picture_name
 from peaksim.corpus.sample import SEEN, Record
 from peaksim.corpus.spec import CorpusSpec
-from peaksim.corpus.store import Writing
-from peaksim.pose import invert
+from peaksim.corpus.store.base import Writing
+from peaksim.geometry.pose import invert
 
 
 @dataclass
@@ -74,8 +75,6 @@ def _brown(k: list[float]) -> tuple[str, list[float]]:
 
 def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, first_point: int) -> str:
     """Return an image's two lines, and add what it sees to the points' tracks; new points count from `first_point`."""
-    from scipy.spatial.transform import Rotation
-
     number = record["frame"] + 1
     pose = invert(np.array(record["world_from_camera"]))
     x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)

@@ -12,12 +12,23 @@ from peaksim import shipped
 from peaksim.corpus.layout import CONFIGURATION, FORMAT
 from peaksim.corpus.plan import read_scene
 from peaksim.corpus.spec import CorpusSpec, FlightView, spec_from_json, spec_to_json
-from peaksim.corpus.store import Store
+from peaksim.corpus.store.base import Store
 from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
+from peaksim.scene.file import find_scene
 
-_PACKAGES = ("peakmark", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "pillow", "pyarrow", "PyOpenGL",
-             "scikit-robot-pyrender", "trimesh")  # fmt: skip
+_PACKAGES = (
+    "peakmark",
+    "numpy",
+    "scipy",
+    "numba",
+    "opencv-contrib-python-headless",
+    "pillow",
+    "pyarrow",
+    "PyOpenGL",
+    "scikit-robot-pyrender",
+    "trimesh",
+)
 
 
 @dataclass(frozen=True)
@@ -62,8 +73,6 @@ def configure(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | 
 
 
 def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
-    from peaksim.scene_file import find_scene
-
     for choice in spec.scenes:
         beside = folder / choice.file
         yield choice.file, beside if beside.is_file() else find_scene(choice.file)
@@ -104,8 +113,14 @@ def read_configuration(store: Store) -> Configuration:
         if values["format"] != FORMAT:
             raise InputError(f"{store.url}: {CONFIGURATION}: expected format {FORMAT!r}, got {values['format']!r}")
         spec = spec_from_json(json.dumps(values["spec"]))
-        return Configuration(spec, values["renderer"], values["gl_renderer"], tuple(values["kinds"]), values["inputs"],
-                             values["versions"])  # fmt: skip
+        return Configuration(
+            spec,
+            values["renderer"],
+            values["gl_renderer"],
+            tuple(values["kinds"]),
+            values["inputs"],
+            values["versions"],
+        )
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, InputError):
             raise
@@ -136,8 +151,10 @@ def _refuse_difference(store: Store, configuration: Configuration) -> None:
     asked = dict(_flat(json.loads(configuration.to_bytes())))
     for field in [*asked, *(field for field in there if field not in asked)]:
         if there.get(field) != asked.get(field):
-            raise InputError(f"{store.url}: holds a corpus of another configuration: {field} is "
-                             f"{there.get(field)!r} there and {asked.get(field)!r} here")  # fmt: skip
+            raise InputError(
+                f"{store.url}: holds a corpus of another configuration: {field} is "
+                f"{there.get(field)!r} there and {asked.get(field)!r} here"
+            )
 
 
 def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:

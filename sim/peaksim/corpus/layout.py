@@ -15,11 +15,6 @@ _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]*(/[A-Za-z0-9][A-Za-z0-9 _.-]*)*"
 SUFFIXES = {"png": "png", "jpeg": "jpg"}
 
 
-def is_safe(name: str) -> bool:
-    """Return whether a name stays inside the folder: plain characters, no part that starts with a dot."""
-    return _SAFE.fullmatch(name) is not None
-
-
 def frame_key(index: int) -> str:
     """Return a frame's name, which is also its key in WebDataset shards."""
     return f"{index:08d}"

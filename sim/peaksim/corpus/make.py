@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from peaksim.camera import resized
+from peaksim.camera.camera import resized
 from peaksim.corpus import layout
 from peaksim.corpus.backends import Backend, in_process
 from peaksim.corpus.calibration import opencv_yaml
@@ -16,7 +16,8 @@ from peaksim.corpus.check_spec import check_spec
 from peaksim.corpus.configuration import Configuration, claim, configure
 from peaksim.corpus.plan import corpus_cameras, plan_frame
 from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
-from peaksim.corpus.store import Store, open_store, write
+from peaksim.corpus.store.base import Store, write
+from peaksim.corpus.store.opening import open_store
 from peaksim.corpus.write import Job, write_part, write_shard
 from peaksim.rendering import render
 

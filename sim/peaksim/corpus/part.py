@@ -9,10 +9,10 @@ from peaksim.corpus.coco import coco_writer
 from peaksim.corpus.colmap import colmap_writer
 from peaksim.corpus.configuration import Configuration
 from peaksim.corpus.sample import Record
-from peaksim.corpus.store import Writing
+from peaksim.corpus.store.base import Writing
 from peaksim.corpus.tables import FRAME_COLUMNS, MARKER_COLUMNS, frame_row, marker_rows, parquet_writer
-from peaksim.trajectory import Trajectory
-from peaksim.trajectory_file import to_text
+from peaksim.geometry.trajectory import Trajectory
+from peaksim.geometry.trajectory_file import to_text
 
 NAMES = (
     "frames.parquet",

@@ -10,21 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
-from peaksim.camera import Camera
+from peaksim.camera.camera import Camera
+from peaksim.camera.sensor import Sensor
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
 from peaksim.corpus.spec import CorpusSpec, FlightView, LightSpread, SensorSpread, View, sensor_value
 from peaksim.corpus.vary import varied
 from peaksim.corpus.views import is_free, markers_ahead, view_pose
 from peaksim.errors import InputError, SceneError
-from peaksim.pose import Pose
-from peaksim.scene import Light, Scene
-from peaksim.scene_build import camera as camera_of
-from peaksim.scene_file import Setup, build_setup, read_table
-from peaksim.scene_schema import RoomTable, SceneTable
-from peaksim.sensor import Sensor
-from peaksim.trajectory import Trajectory
-from peaksim.trajectory_file import load_trajectory
+from peaksim.geometry.pose import Pose
+from peaksim.geometry.trajectory import Trajectory
+from peaksim.geometry.trajectory_file import load_trajectory
+from peaksim.scene.build import camera as camera_of
+from peaksim.scene.file import Setup, build_setup, read_table
+from peaksim.scene.scene import Light, Scene
+from peaksim.scene.schema import RoomTable, SceneTable
 
 MOST_ATTEMPTS = 1000
 """Views drawn for one frame before the specification is called contradictory. `check_spec` allows a tenth, so that a
@@ -120,8 +120,10 @@ def _view(spec: CorpusSpec, sequence: Sequence, index: int, attempts: int) -> tu
             continue
         if is_free(furniture, room, pose) and markers_ahead(setup.scene, camera, pose) >= view.min_markers:
             return pose, time_s, draws
-    raise SceneError(f"views: expected a view of kind {view.kind!r} inside the room of {sequence.scene_file!r}, not in "
-                     f"furniture, with {view.min_markers} markers, got none in {attempts} draws")  # fmt: skip
+    raise SceneError(
+        f"views: expected a view of kind {view.kind!r} inside the room of {sequence.scene_file!r}, not in "
+        f"furniture, with {view.min_markers} markers, got none in {attempts} draws"
+    )
 
 
 def _lit(scene: Scene, spec: CorpusSpec, draws: Draws, sequence: int) -> Scene:
@@ -135,8 +137,9 @@ def _level(per: str, spec: CorpusSpec, draws: Draws, sequence: int) -> Draws:
 
 
 def _lights(spread: LightSpread, draws: Draws) -> tuple[Light, ...]:
-    elevation, azimuth = (np.radians(draws.value(f"light.{name}", getattr(spread, name)))
-                          for name in ("elevation_deg", "azimuth_deg"))  # fmt: skip
+    elevation, azimuth = (
+        np.radians(draws.value(f"light.{name}", getattr(spread, name))) for name in ("elevation_deg", "azimuth_deg")
+    )
     down = (-np.cos(elevation) * np.cos(azimuth), -np.cos(elevation) * np.sin(azimuth), -np.sin(elevation))
     ambient = Light("ambient", draws.value("light.ambient", spread.ambient))
     intensity = draws.value("light.directional", spread.directional)

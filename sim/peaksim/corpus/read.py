@@ -11,7 +11,8 @@ from peaksim.corpus import layout
 from peaksim.corpus.configuration import Configuration, read_configuration
 from peaksim.corpus.sample import Record, decode
 from peaksim.corpus.shard import members
-from peaksim.corpus.store import Store, open_store
+from peaksim.corpus.store.base import Store
+from peaksim.corpus.store.opening import open_store
 from peaksim.corpus.write import read_records
 from peaksim.errors import InputError
 

@@ -3,21 +3,25 @@
 import json
 from dataclasses import asdict, dataclass
 from hashlib import sha256
+from io import BytesIO
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.camera import Camera
+from peaksim.area.rays import first_faces, solids_of
+from peaksim.camera.camera import Camera
+from peaksim.camera.frame import Frame, MarkerTruth
+from peaksim.camera.sensor import apply_sensor
 from peaksim.corpus.plan import FramePlan
 from peaksim.corpus.spec import PictureTable
 from peaksim.corpus.views import inside
 from peaksim.errors import InputError, RendererError
-from peaksim.frame import Frame, MarkerTruth
-from peaksim.pose import Pose
+from peaksim.geometry.pose import Pose, invert, transform
+from peaksim.image_file import read_image
 from peaksim.rendering import Renderer, render
-from peaksim.scene import Scene, rectangle_m
-from peaksim.sensor import apply_sensor
+from peaksim.scene.scene import Scene, rectangle_m
 
 KEYPOINTS = ("center", "top_left", "top_right", "bottom_right", "bottom_left")
 """The points of a marker, in the order of every table."""
@@ -53,15 +57,18 @@ def make_sample(plan: FramePlan, renderer: Renderer, pictures: PictureTable) -> 
 
 def encode(image: NDArray[np.uint8], pictures: PictureTable) -> bytes:
     """Return a grey or RGB picture as the bytes of a file."""
-    import cv2
-
     # noise does not compress: what is left is its Huffman code after a good filter, in a quarter of the time
-    quick = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE,
-             cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_AVG]  # fmt: skip
-    suffix, options = {
-        "png": (".png", quick),
-        "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, pictures.quality]),
-    }[pictures.format]
+    quick = [
+        cv2.IMWRITE_PNG_COMPRESSION,
+        1,
+        cv2.IMWRITE_PNG_STRATEGY,
+        cv2.IMWRITE_PNG_STRATEGY_RLE,
+        cv2.IMWRITE_PNG_FILTER,
+        cv2.IMWRITE_PNG_FILTER_AVG,
+    ]
+    suffix, options = {"png": (".png", quick), "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, pictures.quality])}[
+        pictures.format
+    ]
     done, content = cv2.imencode(suffix, image if image.ndim == 2 else image[:, :, ::-1], options)
     if not done:
         raise RendererError(f"picture: could not be encoded as {pictures.format}")
@@ -76,10 +83,6 @@ def decode(content: bytes, name: str) -> NDArray[np.uint8]:
     ImageError
         That names the picture.
     """
-    from io import BytesIO
-
-    from peaksim.image_file import read_image
-
     return np.asarray(read_image(BytesIO(content), name), dtype=np.uint8)
 
 
@@ -177,9 +180,6 @@ def point_states(
 
     Corners are asked a thousandth of the side inside the pattern, where a ray meets their own quad for certain.
     """
-    from peaksim.pose import invert, transform
-    from peaksim.rays import first_faces, solids_of
-
     if len(points_m) == 0:
         return np.zeros((0, 5), dtype=np.int64)
     xy = camera.project(transform(invert(pose), points_m.reshape(-1, 3)))

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from typing import IO, cast
 
-from peaksim.corpus.store import Writing
+from peaksim.corpus.store.base import Writing
 
 
 class Shard:

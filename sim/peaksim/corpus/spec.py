@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from peaksim.camera.sensor import Sensor
 from peaksim.corpus.spread import Angle, AnySpread, Count, Factor, Length, Level, Share, Spread
 from peaksim.errors import InputError, SceneError
-from peaksim.scene_schema import Name, NotNegative, Positive, Table
-from peaksim.sensor import Sensor
+from peaksim.scene.schema import Name, NotNegative, Positive, Table
 from peaksim.toml_file import parse_toml, validate
 
 MOST_FRAMES = 10**8
@@ -46,8 +46,9 @@ class StoreTable(Table):
         if not (self.files or self.shards):
             raise ValueError("expected files or shards or both to be true, got neither")
         if self.part_frames % self.shard_frames:
-            raise ValueError(f"expected part_frames to be a multiple of shard_frames, "
-                             f"got {self.part_frames} and {self.shard_frames}")  # fmt: skip
+            raise ValueError(
+                f"expected part_frames to be a multiple of shard_frames, got {self.part_frames} and {self.shard_frames}"
+            )
         return self
 
 
@@ -172,7 +173,7 @@ class LightSpread(Table):
 
 
 class SensorSpread(Table):
-    """`[sensor]`: fields of `peaksim.sensor.Sensor`; unset fields stay the scene's."""
+    """`[sensor]`: fields of `peaksim.camera.sensor.Sensor`; unset fields stay the scene's."""
 
     per: Literal["frame", "sequence"] = "frame"
     lens_blur_px: Spread | None = None

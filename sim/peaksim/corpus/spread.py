@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from peaksim.scene_schema import NotNegative, Number, Table
+from peaksim.scene.schema import NotNegative, Number, Table
 
 Pair = tuple[Number, Number]
 

@@ -6,12 +6,13 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from peaksim.camera.sensor import Sensor
 from peaksim.corpus.layout import picture_name, shard_name
 from peaksim.corpus.sample import KEYPOINTS, Record
 from peaksim.corpus.spec import CorpusSpec
-from peaksim.corpus.store import Writing
-from peaksim.sensor import Sensor
+from peaksim.corpus.store.base import Writing
 
 Row = dict[str, Any]
 
@@ -64,8 +65,6 @@ MARKER_COLUMNS = {
 
 def frame_row(spec: CorpusSpec, record: Record) -> Row:
     """Return a frame's row."""
-    from scipy.spatial.transform import Rotation
-
     pose, camera = np.array(record["world_from_camera"]), record["camera"]
     quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
     lights = {light["kind"]: light["intensity"] for light in record["lights"]}

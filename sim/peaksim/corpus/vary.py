@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from peaksim.corpus.draws import Draws
 from peaksim.corpus.spec import ClutterSpread, CorpusSpec, MarkerSpread, TextureSpread
 from peaksim.errors import SceneError
-from peaksim.pose import Pose, rotation_about
-from peaksim.scene_build import facing, path_poses
-from peaksim.scene_schema import BoxTable, MarkerTable, QuadTable, RoomTable, SceneTable, TextureTable
+from peaksim.geometry.pose import Pose, rotation_about
+from peaksim.scene.build import facing, path_poses
+from peaksim.scene.schema import BoxTable, MarkerTable, QuadTable, RoomTable, SceneTable, TextureTable
 
 _GAP_M = 0.001  # between things that lie on each other
 
@@ -40,8 +40,10 @@ def _varied_texture(texture: TextureTable, spread: TextureSpread, draws: Draws, 
     if spread.variants:
         for variant in spread.variants:
             if variant not in texture.variants:
-                raise SceneError(f"textures.{name}.variants: expected some of {', '.join(texture.variants) or 'none'}, "
-                                 f"got {variant!r}")  # fmt: skip
+                raise SceneError(
+                    f"textures.{name}.variants: expected some of {', '.join(texture.variants) or 'none'}, "
+                    f"got {variant!r}"
+                )
         chosen = spread.variants[draws.index(f"textures.{name}.variants", (1.0,) * len(spread.variants))]
         update["variants"] = {chosen: texture.variants[chosen]}
     for field in ("contrast", "mean"):
@@ -56,18 +58,31 @@ def _varied_texture(texture: TextureTable, spread: TextureSpread, draws: Draws, 
 def all_markers(table: SceneTable) -> tuple[MarkerTable, ...]:
     """Return a scene's markers one by one, those on paths included, under the names they have in the scene."""
     on_paths = [
-        MarkerTable(name=f"{path.name}{j + 1:02d}", kind=path.kind, side_m=path.side_m, border_m=path.border_m,
-                    center_m=_triple(pose[:3, 3]), normal=_triple(pose[:3, 2]), up=_triple(pose[:3, 1]))
+        MarkerTable(
+            name=f"{path.name}{j + 1:02d}",
+            kind=path.kind,
+            side_m=path.side_m,
+            border_m=path.border_m,
+            center_m=_triple(pose[:3, 3]),
+            normal=_triple(pose[:3, 2]),
+            up=_triple(pose[:3, 1]),
+        )
         for path in table.marker_paths
         for j, pose in enumerate(path_poses(path))
-    ]  # fmt: skip
+    ]
     return (*table.markers, *on_paths)
 
 
 def poster_kinds(table: SceneTable) -> list[str]:
     """Return the kind of every marker on a scene's posters, which stay as the scene has them."""
-    return [poster.kinds[letter] for poster in table.posters for row in poster.rows for letter in row
-            if letter in poster.kinds for _ in range(poster.copies[0] * poster.copies[1])]  # fmt: skip
+    return [
+        poster.kinds[letter]
+        for poster in table.posters
+        for row in poster.rows
+        for letter in row
+        if letter in poster.kinds
+        for _ in range(poster.copies[0] * poster.copies[1])
+    ]
 
 
 def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -121,8 +136,10 @@ def _with_clutter(table: SceneTable, spread: ClutterSpread, draws: Draws) -> Sce
         return table
     if table.room is None:
         raise SceneError("clutter: expected a scene with a room to put it in, this one has none")
-    levels = {f"clutter paper {i}": TextureTable(level=draws.value(f"clutter.level.paper{i}", spread.level))
-              for i in range(papers)}  # fmt: skip
+    levels = {
+        f"clutter paper {i}": TextureTable(level=draws.value(f"clutter.level.paper{i}", spread.level))
+        for i in range(papers)
+    }
     photographs = tuple(sorted(table.textures))
     return table.model_copy(
         update={
@@ -164,6 +181,8 @@ def _box(i: int, room: RoomTable, spread: ClutterSpread, draws: Draws) -> BoxTab
 
 def _place(room: RoomTable, draws: Draws, name: str) -> tuple[float, float]:
     """Return a point of the room's floor."""
-    x, y = (low + draws.share(f"{name}.{axis}") * (high - low)
-            for axis, low, high in zip("xy", room.min_m[:2], room.max_m[:2], strict=True))  # fmt: skip
+    x, y = (
+        low + draws.share(f"{name}.{axis}") * (high - low)
+        for axis, low, high in zip("xy", room.min_m[:2], room.max_m[:2], strict=True)
+    )
     return x, y

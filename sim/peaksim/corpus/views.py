@@ -6,13 +6,13 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.camera import Camera, Points
+from peaksim.camera.camera import Camera, Points
 from peaksim.corpus.draws import Draws
 from peaksim.corpus.spec import FlightView, MarkerView, RandomView, View
 from peaksim.errors import SceneError
-from peaksim.pose import Pose, compose, invert, look_at, rotation_about, transform
-from peaksim.scene import Mark, Mesh, Quad, Scene, rectangle_m
-from peaksim.trajectory import Trajectory
+from peaksim.geometry.pose import Pose, compose, invert, look_at, rotation_about, transform
+from peaksim.geometry.trajectory import Trajectory
+from peaksim.scene.scene import Mark, Mesh, Quad, Scene, rectangle_m
 
 _ROOM_M = 0.02
 """The camera keeps this distance from walls and furniture."""
@@ -20,8 +20,10 @@ _ROOM_M = 0.02
 
 def random_view(view: RandomView, draws: Draws) -> Pose:
     """Return a pose in the view's box."""
-    eye, target = ([draws.value(f"view.{name}.{axis}", spread) for axis, spread in zip("xyz", box, strict=True)]
-                   for name, box in (("eye", view.eye_m), ("target", view.target_m)))  # fmt: skip
+    eye, target = (
+        [draws.value(f"view.{name}.{axis}", spread) for axis, spread in zip("xyz", box, strict=True)]
+        for name, box in (("eye", view.eye_m), ("target", view.target_m))
+    )
     return rolled(look_at(eye, target), draws.value("view.roll_deg", view.roll_deg))
 
 
@@ -37,8 +39,10 @@ def marker_view(view: MarkerView, scene: Scene, camera: Camera, draws: Draws) ->
     if not marks:
         raise SceneError('views: expected a scene with markers for kind = "marker", this one has none')
     quad, mark = marks[draws.index("view.marker", (1.0,) * len(marks))]
-    tilt, azimuth = (np.radians(draws.value(f"view.{name}", spread))
-                     for name, spread in (("tilt_deg", view.tilt_deg), ("azimuth_deg", view.azimuth_deg)))  # fmt: skip
+    tilt, azimuth = (
+        np.radians(draws.value(f"view.{name}", spread))
+        for name, spread in (("tilt_deg", view.tilt_deg), ("azimuth_deg", view.azimuth_deg))
+    )
     out = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
     center = transform(quad.world_from_quad, [*mark.center_m, 0.0])
     eye = center + draws.value("view.distance_m", view.distance_m) * (quad.world_from_quad[:3, :3] @ out)

@@ -18,7 +18,8 @@ from peaksim.corpus.part import part_tables
 from peaksim.corpus.plan import plan_frame
 from peaksim.corpus.sample import Record, Sample, from_line, make_sample
 from peaksim.corpus.shard import Shard, shard_in
-from peaksim.corpus.store import Store, Writing, open_store, write
+from peaksim.corpus.store.base import Store, Writing, write
+from peaksim.corpus.store.opening import open_store
 from peaksim.errors import InputError, RendererError
 
 _ONE_AT_A_TIME = Lock()  # a process has one GL context, which belongs to one thread at a time
@@ -79,8 +80,9 @@ def open_job(job: Job) -> tuple[Store, Configuration]:
     here = versions()
     for package, there in configuration.versions.items():
         if here.get(package) != there:
-            raise InputError(f"{job.dest}: expected {package} {there}, which made it, "
-                             f"got {here.get(package)} on this machine")  # fmt: skip
+            raise InputError(
+                f"{job.dest}: expected {package} {there}, which made it, got {here.get(package)} on this machine"
+            )
     return store, configuration
 
 
@@ -122,8 +124,11 @@ def _write_shard(store: Store, configuration: Configuration, folder: Path, shard
                 archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.picture)
                 archive.add(f"{layout.frame_key(index)}.json", sample.record)
     if spec.store.files:
-        store.settle(name for index in layout.shard_frames(spec, shard)
-                     for name in (layout.picture_name(spec, index), layout.record_name(spec, index)))  # fmt: skip
+        store.settle(
+            name
+            for index in layout.shard_frames(spec, shard)
+            for name in (layout.picture_name(spec, index), layout.record_name(spec, index))
+        )
     sums.seal(layout.shard_sums_name(shard))
     return rendered
 
@@ -133,8 +138,10 @@ def _render(configuration: Configuration, folder: Path, index: int) -> Sample:
     sample = make_sample(plan, configuration.renderer, configuration.spec.pictures)  # type: ignore[arg-type]
     gl_renderer = from_line(sample.record, layout.frame_key(index))["gl_renderer"]
     if gl_renderer != configuration.gl_renderer:
-        raise RendererError(f"expected the OpenGL renderer {configuration.gl_renderer!r} that the corpus is made with, "
-                            f"got {gl_renderer!r} on this machine")  # fmt: skip
+        raise RendererError(
+            f"expected the OpenGL renderer {configuration.gl_renderer!r} that the corpus is made with, "
+            f"got {gl_renderer!r} on this machine"
+        )
     return sample
 
 

@@ -77,11 +77,15 @@ def _check_same_suite(after: Record, before: Record) -> None:
     if after.suite != before.suite:
         raise InputError(f"baseline: expected one of suite {after.suite!r}, got one of {before.suite!r}")
     if after.suite_sha256 != before.suite_sha256:
-        raise InputError(f"baseline: expected one of suite {after.suite!r} as it is now, the suite has changed since: "
-                         "look at the run and accept it anew")  # fmt: skip
+        raise InputError(
+            f"baseline: expected one of suite {after.suite!r} as it is now, the suite has changed since: "
+            "look at the run and accept it anew"
+        )
     if [r.frame for r in after.results] != [r.frame for r in before.results]:
-        raise InputError(f"baseline: expected one of the same {len(after.results)} frames, got {len(before.results)}: "
-                         "quick runs need a quick baseline")  # fmt: skip
+        raise InputError(
+            f"baseline: expected one of the same {len(after.results)} frames, got {len(before.results)}: "
+            "quick runs need a quick baseline"
+        )
 
 
 def _change(new: Metric, old: Metric, counts: Floats, frames: Sequence[int]) -> Change:

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.frame import MarkerTruth
+from peaksim.camera.frame import MarkerTruth
 
-from peakmark.finder_protocol import Found
-from peakmark.identification import Detection
-from peakmark.keypoints import Keypoints
-from peakmark.marker import Polarity
-from peakmark.score import FULLY_IN_VIEW, score_frame
+from peakmark.identification.detection import Detection
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.patterns import Polarity
+from peakmark.regress.detector_protocol import Found
+from peakmark.score.markers import score_frame
+from peakmark.score.wanted import Wanted
 
 _PLACES = 3  # decimals of a pixel in a record
 
@@ -59,8 +60,10 @@ class FrameResult:
 
 def from_plain(values: dict[str, Any]) -> FrameResult:
     """Return a result from `to_plain`'s values, also after JSON."""
-    markers = {name: MarkerResult(**{**m, "true_xy": _pair(m["true_xy"]), "xy": m["xy"] and _pair(m["xy"])})
-               for name, m in values["markers"].items()}  # fmt: skip
+    markers = {
+        name: MarkerResult(**{**m, "true_xy": _pair(m["true_xy"]), "xy": m["xy"] and _pair(m["xy"])})
+        for name, m in values["markers"].items()
+    }
     false = values["false_xy"]
     false_xy = None if false is None else tuple(_pair(xy) for xy in false)
     return FrameResult(**{**values, "markers": markers, "false_xy": false_xy})
@@ -71,34 +74,16 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
     return float(x), float(y)
 
 
-@dataclass(frozen=True)
-class Asked:
-    """Which markers count."""
-
-    min_side_px: float
-    """Smaller ones need not be found."""
-    tolerance_px: float
-    """Largest distance from the true centre that counts as found."""
-    kinds: tuple[str, ...] = ()
-    """Beginnings of the kinds that count; empty for all."""
-
-    def of(self, truth: Sequence[MarkerTruth]) -> list[MarkerTruth]:
-        """Return the markers that must be found."""
-        return [t for t in self.known(truth) if t.visible_fraction >= FULLY_IN_VIEW and t.side_px >= self.min_side_px]
-
-    def known(self, truth: Sequence[MarkerTruth]) -> list[MarkerTruth]:
-        """Return the markers of the kinds that count."""
-        return [t for t in truth if not self.kinds or t.kind.startswith(self.kinds)]
-
-
-def result_of(frame: int, picture: str, truth: Sequence[MarkerTruth], found: Found, asked: Asked) -> FrameResult:
+def result_of(
+    frame: int, picture: str, truth: Sequence[MarkerTruth], found: Found, wanted: Wanted, tolerance_px: float
+) -> FrameResult:
     """Score what was found in a frame."""
-    known = asked.known(truth)
+    known = [t for t in truth if wanted.counts(t)]
     visible = [t for t in known if t.visible_fraction > 0]
     detections = found.detections
     if detections is None:
-        detections = at_markers(visible, found.features, asked.tolerance_px)
-    score = score_frame(known, detections, found.features, asked.tolerance_px)
+        detections = strongest_at_markers(visible, found.features, tolerance_px)
+    score = score_frame(known, detections, found.features, wanted, tolerance_px)
     matched = set(score.matches.values())
     false = [_rounded(d.xy) for i, d in enumerate(detections) if i not in matched]
     return FrameResult(
@@ -107,14 +92,15 @@ def result_of(frame: int, picture: str, truth: Sequence[MarkerTruth], found: Fou
         features=len(found.features),
         false_xy=None if found.detections is None else tuple(false),
         drop=None if score.response_drop is None else float(f"{score.response_drop:.6g}"),
-        markers={t.name: _marker_result(t, detections, score.matches) for t in asked.of(truth)},
+        markers={t.name: _marker_result(t, detections, score.matches) for t in wanted.of(truth)},
     )
 
 
-def failed(frame: int, picture: str, truth: Sequence[MarkerTruth], reason: str, asked: Asked) -> FrameResult:
+def failed(frame: int, picture: str, truth: Sequence[MarkerTruth], reason: str, wanted: Wanted) -> FrameResult:
     """Return the result of a frame on which the finder gave no answer: every marker is missed."""
-    return FrameResult(frame, picture, failure=reason,
-                       markers={t.name: _marker_result(t, (), {}) for t in asked.of(truth)})  # fmt: skip
+    return FrameResult(
+        frame, picture, failure=reason, markers={t.name: _marker_result(t, (), {}) for t in wanted.of(truth)}
+    )
 
 
 def _marker_result(marker: MarkerTruth, detections: Sequence[Detection], matches: dict[str, int]) -> MarkerResult:
@@ -131,7 +117,9 @@ def _rounded(xy: NDArray[np.float64]) -> tuple[float, float]:
     return round(float(xy[0]), _PLACES), round(float(xy[1]), _PLACES)
 
 
-def at_markers(visible: Sequence[MarkerTruth], features: Keypoints, tolerance_px: float) -> tuple[Detection, ...]:
+def strongest_at_markers(
+    visible: Sequence[MarkerTruth], features: Keypoints, tolerance_px: float
+) -> tuple[Detection, ...]:
     """Return the strongest key point at each marker's centre: what a detector that does not identify is scored by."""
     found: list[Detection] = []
     for marker in visible:

@@ -10,13 +10,16 @@ SIGNS = {"better": "▲", "same": "=", "worse": "▼", "changed": "≠", "unknow
 
 def junit_xml(comparison: Comparison) -> bytes:
     """Return JUnit's XML: one test case a metric, failed where it got worse or changed, skipped where unknown."""
-    suite = ElementTree.Element("testsuite", {
-        "name": f"peakmark.regress.{comparison.after.suite}",
-        "tests": str(len(comparison.changes)),
-        "failures": str(len(comparison.faults)),
-        "skipped": str(sum(change.verdict == "unknown" for change in comparison.changes)),
-        "errors": "0",
-    })  # fmt: skip
+    suite = ElementTree.Element(
+        "testsuite",
+        {
+            "name": f"peakmark.regress.{comparison.after.suite}",
+            "tests": str(len(comparison.changes)),
+            "failures": str(len(comparison.faults)),
+            "skipped": str(sum(change.verdict == "unknown" for change in comparison.changes)),
+            "errors": "0",
+        },
+    )
     for change in comparison.changes:
         names = {"classname": comparison.after.suite, "name": change.metric.key}
         case = ElementTree.SubElement(suite, "testcase", names)
@@ -34,8 +37,10 @@ def junit_xml(comparison: Comparison) -> bytes:
 def sentence(change: Change) -> str:
     """Return a change in words, with the frames that show it."""
     where = f"; see frames {', '.join(map(str, change.frames))}" if change.frames else ""
-    return (f"{change.metric.key}: {number(change.before)} → {number(change.after)} {change.metric.unit}".rstrip()
-            + f" ({change_text(change)}, tolerance {tolerance_text(change)}): {change.verdict}{where}")  # fmt: skip
+    return (
+        f"{change.metric.key}: {number(change.before)} → {number(change.after)} {change.metric.unit}".rstrip()
+        + f" ({change_text(change)}, tolerance {tolerance_text(change)}): {change.verdict}{where}"
+    )
 
 
 def markdown(comparison: Comparison) -> str:
@@ -52,8 +57,14 @@ def markdown(comparison: Comparison) -> str:
     lines += ["", "| | figure | before | after | change | tolerance |", "|---|---|---:|---:|---:|---:|"]
     for change in comparison.changes:
         title = f"{change.metric.key} ({change.metric.unit})" if change.metric.unit else change.metric.key
-        cells = (SIGNS[change.verdict], title, number(change.before), number(change.after), change_text(change),
-                 tolerance_text(change))  # fmt: skip
+        cells = (
+            SIGNS[change.verdict],
+            title,
+            number(change.before),
+            number(change.after),
+            change_text(change),
+            tolerance_text(change),
+        )
         lines.append(f"| {' | '.join(map(escaped, cells))} |")
     lines += ["", *(f"- {escaped(sentence(change))}" for change in faults)]
     return "\n".join(lines).rstrip() + "\n"

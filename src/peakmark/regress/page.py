@@ -4,17 +4,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from peakmark import plots
-from peakmark.overlay import FALSE, FOUND, MISSED, rgb
 from peakmark.regress.compare import FAULTS, Change, Comparison
 from peakmark.regress.frame import FrameResult
 from peakmark.regress.outputs import SIGNS, change_text, number, sentence, tolerance_text
 from peakmark.regress.record import Record
 from peakmark.regress.run import PICTURE
-from peakmark.report import Picture, Section, Table, jpeg_uri, svg_uri, write_report
+from peakmark.report import plots
+from peakmark.report.overlay import FALSE, FOUND, MISSED, rgb
+from peakmark.report.page import Picture, Section, Table, jpeg_uri, svg_uri, write_report
 
 _COLOURS = {"better": "#1a7f37", "worse": "#cf222e", "changed": "#9a6700"}
 _SAME_COLOUR = "#57606a"
@@ -39,20 +41,40 @@ def _sections(comparison: Comparison, pictures: Path) -> Iterator[Section]:
     for change in comparison.faults:
         shown = [picture for frame in change.frames for picture in _pair(comparison, pictures, frame)]
         yield Section(f"{SIGNS[change.verdict]} {change.metric.key}", text=sentence(change), pictures=shown)
-    yield Section("Changes against their tolerances", image=svg_uri(_changes_figure(comparison.changes)),
-                  caption="1 is the tolerance; bars are the intervals of the change, by resampling frames in pairs.",
-                  data=_table(comparison.changes))  # fmt: skip
+    yield Section(
+        "Changes against their tolerances",
+        image=svg_uri(_changes_figure(comparison.changes)),
+        caption="1 is the tolerance; bars are the intervals of the change, by resampling frames in pairs.",
+        data=_table(comparison.changes),
+    )
     recall = [[_recall(result) for result in record.results] for record in (comparison.before, comparison.after)]
     frames = [result.frame for result in comparison.after.results]
-    yield Section("Markers found, frame by frame", image=svg_uri(_course_figure(frames, *recall)),
-                  data=Table(("frame", "before", "after"), list(zip(frames, *recall, strict=True))))  # fmt: skip
+    yield Section(
+        "Markers found, frame by frame",
+        image=svg_uri(_course_figure(frames, *recall)),
+        data=Table(("frame", "before", "after"), list(zip(frames, *recall, strict=True))),
+    )
     yield Section("What was run", table=_origin(comparison.before, comparison.after))
 
 
 def _table(changes: tuple[Change, ...]) -> Table:
     head = ("", "figure", "unit", "before", "after", "change and its interval", "tolerance", "verdict")
-    return Table(head, [(SIGNS[c.verdict], c.metric.key, c.metric.unit, number(c.before), number(c.after),
-                         change_text(c), tolerance_text(c), c.verdict) for c in changes])  # fmt: skip
+    return Table(
+        head,
+        [
+            (
+                SIGNS[c.verdict],
+                c.metric.key,
+                c.metric.unit,
+                number(c.before),
+                number(c.after),
+                change_text(c),
+                tolerance_text(c),
+                c.verdict,
+            )
+            for c in changes
+        ],
+    )
 
 
 def _origin(before: Record, after: Record) -> Table:
@@ -87,8 +109,13 @@ def _changes_figure(changes: tuple[Change, ...]) -> Any:
         draw_change(ax, row, change)
     ax.axvspan(-1, 1, color="#57606a", alpha=0.12, linewidth=0)
     ax.axvline(0, color="black", linewidth=0.8)
-    ax.set(yticks=range(len(known)), yticklabels=[c.metric.key for c in known], ylim=(len(known) - 0.5, -0.5),
-           xlim=(-6, 6), xlabel="change / tolerance, at most ±6 shown")  # fmt: skip
+    ax.set(
+        yticks=range(len(known)),
+        yticklabels=[c.metric.key for c in known],
+        ylim=(len(known) - 0.5, -0.5),
+        xlim=(-6, 6),
+        xlabel="change / tolerance, at most ±6 shown",
+    )
     return figure
 
 
@@ -103,8 +130,10 @@ def draw_change(ax: Any, row: int, change: Change) -> None:
 
 def _course_figure(frames: list[int], before: list[float | None], after: list[float | None]) -> Any:
     figure, ax = plots.new_figure(8, 2.8)
-    for values, label, colour, width in ((before, "before", plots.CLUTTER_COLOUR, 3),
-                                         (after, "after", plots.MARKER_COLOUR, 1.2)):  # fmt: skip
+    for values, label, colour, width in (
+        (before, "before", plots.CLUTTER_COLOUR, 3),
+        (after, "after", plots.MARKER_COLOUR, 1.2),
+    ):
         shares = np.array([np.nan if share is None else share for share in values])
         ax.plot(frames, shares, label=label, color=colour, linewidth=width, marker="o", markersize=3)
     ax.set(xlabel="frame", ylabel="share of markers found", ylim=(-0.05, 1.05))
@@ -120,7 +149,6 @@ def _pair(comparison: Comparison, pictures: Path, frame: int) -> Iterator[Pictur
     file = pictures / PICTURE.format(frame)
     if not file.is_file():
         return
-    from PIL import Image
 
     image = np.asarray(Image.open(file).convert("L"))
     records = (comparison.before, comparison.after)
@@ -144,8 +172,6 @@ def summary(result: FrameResult) -> str:
 
 def draw_result(image: NDArray[np.uint8], result: FrameResult) -> NDArray[np.uint8]:
     """Return an RGB copy with found markers in green, missed ones crossed in red, false detections in orange."""
-    import cv2
-
     canvas = np.ascontiguousarray(rgb(image))
     for marker in result.markers.values():
         size = max(6, round(marker.side_px * 0.75))

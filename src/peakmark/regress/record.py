@@ -38,9 +38,17 @@ def to_text(record: Record) -> str:
     """Return a record as JSON with one line for each metric and frame."""
     metrics = metrics_of(record.results, record.tolerances)
     counts = resample_counts(len(record.results))
-    figures = {m.key: {"value": _short(m.value()), "unit": m.unit, "direction": m.direction, "tolerance": m.tolerance,
-                       "relative": m.relative, "interval": [_short(v) for v in m.interval(counts) or (None, None)]}
-               for m in metrics}  # fmt: skip
+    figures = {
+        m.key: {
+            "value": _short(m.value()),
+            "unit": m.unit,
+            "direction": m.direction,
+            "tolerance": m.tolerance,
+            "relative": m.relative,
+            "interval": [_short(v) for v in m.interval(counts) or (None, None)],
+        }
+        for m in metrics
+    }
     head = {"format": FORMAT, **{name: getattr(record, name) for name in _HEAD}}
     lines = [f"{_json(name)}: {_json(value)}" for name, value in head.items()]
     lines.append('"metrics": {\n' + ",\n".join(f"{_json(k)}: {_json(v)}" for k, v in figures.items()) + "\n}")

@@ -10,21 +10,23 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.frame import MarkerTruth
 from peaksim.corpus.backends import Backend, in_process
 from peaksim.corpus.check_spec import check_spec
 from peaksim.corpus.configuration import versions
 from peaksim.corpus.plan import plan_frame
 from peaksim.corpus.read import open_corpus
 from peaksim.corpus.sample import render_frame
-from peaksim.frame import MarkerTruth
+from PIL import Image
 
 from peakmark.errors import InputError
-from peakmark.finder_protocol import FinderFailure
-from peakmark.finders import Finder, FinderSettings, open_finder
-from peakmark.gray import as_gray
-from peakmark.regress.frame import Asked, FrameResult, failed, result_of
+from peakmark.keypoints.image import as_gray
+from peakmark.regress.detector import Finder, FinderSettings, open_finder
+from peakmark.regress.detector_protocol import FinderFailure
+from peakmark.regress.frame import FrameResult, failed, result_of
 from peakmark.regress.record import Record
 from peakmark.regress.suite import Suite
+from peakmark.score.wanted import Wanted
 
 MOST_FAILURES = 5
 """Frames in a row without an answer after which a run stops."""
@@ -155,21 +157,24 @@ def run_chunk(task: Task, chunk: int) -> list[Done]:
 def _stop_if_hopeless(task: Task, results: Sequence[FrameResult]) -> None:
     last = results[-MOST_FAILURES:]
     if len(last) == MOST_FAILURES and all(result.failure for result in last):
-        raise InputError(f"detector {task.finder.name}: expected answers, got none on {MOST_FAILURES} frames in a row: "
-                         f"{last[-1].failure}")  # fmt: skip
+        raise InputError(
+            f"detector {task.finder.name}: expected answers, got none on {MOST_FAILURES} frames in a row: "
+            f"{last[-1].failure}"
+        )
 
 
 def run_frame(task: Task, finder: Finder, frame: int) -> Done:
     """Render or read a frame, find, score."""
-    asked = Asked(task.suite.table.min_side_px, task.suite.table.tolerance_px, task.suite.table.kinds)
+    table = task.suite.table
+    wanted = Wanted(min_side_px=table.min_side_px, kinds=table.kinds)
     start = perf_counter()
     view = see(task.suite, frame, task.seed)
     seen = perf_counter()
     picture = sha256(view.image.tobytes()).hexdigest()[:16]
     try:
-        result = result_of(frame, picture, view.truth, finder(view.image), asked)
+        result = result_of(frame, picture, view.truth, finder(view.image), wanted, table.tolerance_px)
     except FinderFailure as failure:
-        result = failed(frame, picture, view.truth, str(failure), asked)
+        result = failed(frame, picture, view.truth, str(failure), wanted)
     done = Done(result, view.renderer, seen - start, perf_counter() - seen)
     if task.pictures is not None:
         _save(task.pictures / PICTURE.format(frame), view.image)
@@ -198,6 +203,4 @@ def marker_truth(marker: dict[str, Any]) -> MarkerTruth:
 
 
 def _save(path: Path, image: NDArray[np.uint8]) -> None:
-    from PIL import Image
-
     Image.fromarray(image).save(path, quality=85)

@@ -10,11 +10,11 @@ from peaksim import shipped
 from peaksim.corpus.layout import CONFIGURATION
 from peaksim.corpus.read import open_corpus
 from peaksim.corpus.spec import CorpusSpec
-from peaksim.scene_schema import Name, NotNegative, Positive, Table
+from peaksim.scene.schema import Name, NotNegative, Positive, Table
 from peaksim.toml_file import parse_toml, validate
 from pydantic import Field
 
-from peakmark.finders import FinderSettings
+from peakmark.regress.detector import FinderSettings
 
 
 class DetectorTable(Table):

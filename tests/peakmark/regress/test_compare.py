@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from regress_helpers import frame, marker, missed, record, sound
 
 from peakmark.errors import InputError
 from peakmark.regress.compare import Comparison, compare
 from peakmark.regress.frame import FrameResult, MarkerResult
 from peakmark.regress.record import Record
+from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 
 def verdicts(comparison: Comparison) -> dict[str, str]:
@@ -18,8 +18,10 @@ def verdicts(comparison: Comparison) -> dict[str, str]:
 
 def with_markers(change: dict[str, object], every: int = 1) -> Record:
     """Return the sound run with a change of the first marker of every so many frames."""
-    frames = [replace(f, markers={**f.markers, "a": replace(f.markers["a"], **change)}) if i % every == 0 else f  # type: ignore[arg-type]
-              for i, f in enumerate(sound().results)]  # fmt: skip
+    frames = [
+        replace(f, markers={**f.markers, "a": replace(f.markers["a"], **change)}) if i % every == 0 else f  # type: ignore[arg-type]
+        for i, f in enumerate(sound().results)
+    ]
     return replace(sound(), results=tuple(frames))
 
 
@@ -87,8 +89,17 @@ def test_chance_raises_no_alarm() -> None:
     rng = np.random.default_rng(0)
 
     def noisy() -> Record:
-        return record(*(frame(i, *(noisy_marker() for _ in range(3)), features=int(rng.normal(500, 15)),
-                              drop=float(rng.lognormal(1, 0.1))) for i in range(40)))  # fmt: skip
+        return record(
+            *(
+                frame(
+                    i,
+                    *(noisy_marker() for _ in range(3)),
+                    features=int(rng.normal(500, 15)),
+                    drop=float(rng.lognormal(1, 0.1)),
+                )
+                for i in range(40)
+            )
+        )
 
     def noisy_marker() -> MarkerResult:
         found = marker(error=rng.normal(0, 0.2), response=float(rng.lognormal(7, 0.1)))

@@ -4,14 +4,16 @@ import json
 
 import numpy as np
 import pytest
-from peaksim.frame import MarkerTruth
+from peaksim.camera.frame import MarkerTruth
 
-from peakmark.finder_protocol import Found
-from peakmark.identification import Detection
-from peakmark.keypoints import Keypoints
-from peakmark.regress.frame import Asked, FrameResult, at_markers, failed, from_plain, result_of
+from peakmark.identification.detection import Detection
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.regress.detector_protocol import Found
+from peakmark.regress.frame import FrameResult, failed, from_plain, result_of, strongest_at_markers
+from peakmark.score.wanted import Wanted
 
-ASKED = Asked(min_side_px=14.0, tolerance_px=3.0, kinds=("surf",))
+WANTED = Wanted(min_side_px=14.0, kinds=("surf",))
+TOLERANCE_PX = 3.0
 
 
 def truth(name: str, x: float, kind: str = "surf-dark", side: float = 20.0, visible: float = 1.0) -> MarkerTruth:
@@ -42,7 +44,7 @@ SCENE = (
 
 
 def test_what_is_large_visible_and_of_the_kinds_is_asked_for() -> None:
-    result = result_of(3, "abc", SCENE, Found(Keypoints.empty(), ()), ASKED)
+    result = result_of(3, "abc", SCENE, Found(Keypoints.empty(), ()), WANTED, TOLERANCE_PX)
     assert (result.frame, result.picture, list(result.markers)) == (3, "abc", ["near", "light"])
     assert all(m.xy is None and m.polarity_is_right is None for m in result.markers.values())
     assert result.markers["near"].true_xy == (100.0, 50.0)
@@ -51,7 +53,7 @@ def test_what_is_large_visible_and_of_the_kinds_is_asked_for() -> None:
 
 def test_found_wrong_and_false_are_told_apart() -> None:
     detections = (detection(101), detection(199, "dark"), detection(300), detection(400), detection(77))
-    result = result_of(0, "", SCENE, Found(Keypoints.empty(), detections), ASKED)
+    result = result_of(0, "", SCENE, Found(Keypoints.empty(), detections), WANTED, TOLERANCE_PX)
     assert result.markers["near"].xy == (101.0, 50.0)
     assert result.markers["near"].polarity_is_right is True
     assert result.markers["light"].polarity_is_right is False
@@ -60,23 +62,23 @@ def test_found_wrong_and_false_are_told_apart() -> None:
 
 def test_a_detector_that_does_not_identify_is_scored_by_its_strongest_point_at_the_centre() -> None:
     kp = features((250, 900, 1), (102, 800, 1), (100, 700, -1), (201, 600, -1))
-    result = result_of(0, "", SCENE, Found(kp, None), ASKED)
+    result = result_of(0, "", SCENE, Found(kp, None), WANTED, TOLERANCE_PX)
     assert result.markers["near"].xy == (102.0, 50.0)
     assert result.markers["light"].polarity_is_right is True
     assert result.false_xy is None
     assert result.features == 4
-    assert [d.rank for d in at_markers(SCENE[:2], kp, 3.0)] == [2, 4]
+    assert [d.rank for d in strongest_at_markers(SCENE[:2], kp, 3.0)] == [2, 4]
 
 
 def test_a_failure_misses_every_marker() -> None:
-    result = failed(0, "", SCENE, "crash: it ended with status 7", ASKED)
+    result = failed(0, "", SCENE, "crash: it ended with status 7", WANTED)
     assert [m.xy for m in result.markers.values()] == [None, None]
     assert result.failure == "crash: it ended with status 7"
 
 
 @pytest.mark.parametrize("found", [Found(features((100, 800, 1)), None), Found(Keypoints.empty(), (detection(100),))])
 def test_results_are_read_back_as_they_were(found: Found) -> None:
-    result = result_of(0, "", SCENE, found, ASKED)
+    result = result_of(0, "", SCENE, found, WANTED, TOLERANCE_PX)
     again = from_plain(json.loads(json.dumps(result.to_plain())))
     assert again == result
     assert isinstance(again, FrameResult)

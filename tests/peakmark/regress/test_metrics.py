@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from regress_helpers import frame, marker, missed, record, sound
 
 from peakmark.regress.frame import FrameResult
 from peakmark.regress.metrics import Metric, metrics_of, percentile_interval, resample_counts
+from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 FRAMES = (
     frame(0, marker(error=0.3), missed(60.0), false_xy=((1.0, 2.0), (3.0, 4.0)), drop=4.0, features=100),
@@ -21,23 +21,25 @@ def values(*frames: FrameResult) -> dict[str, float | None]:
 
 
 def test_every_figure_is_what_it_is_by_hand() -> None:
-    assert values(*FRAMES) == pytest.approx({
-        "recall": 2 / 4,
-        "recall, side 0…24 px": None,
-        "recall, side 24…48 px": 1.0,
-        "recall, side 48…96 px": 0.0,
-        "recall, side 96…192 px": None,
-        "recall, side from 192 px": 0.0,
-        "frames without an answer": 1 / 3,
-        "false detections": 1.0,
-        "wrong polarity": 0.5,
-        "error, rms": np.sqrt((0.09 + 0.01) / 2),
-        "bias in x": 0.1,
-        "bias in y": 0.0,
-        "features": 200.0,
-        "response of markers": 500.0,
-        "drop to clutter": 2.0,
-    })  # fmt: skip
+    assert values(*FRAMES) == pytest.approx(
+        {
+            "recall": 2 / 4,
+            "recall, side 0…24 px": None,
+            "recall, side 24…48 px": 1.0,
+            "recall, side 48…96 px": 0.0,
+            "recall, side 96…192 px": None,
+            "recall, side from 192 px": 0.0,
+            "frames without an answer": 1 / 3,
+            "false detections": 1.0,
+            "wrong polarity": 0.5,
+            "error, rms": np.sqrt((0.09 + 0.01) / 2),
+            "bias in x": 0.1,
+            "bias in y": 0.0,
+            "features": 200.0,
+            "response of markers": 500.0,
+            "drop to clutter": 2.0,
+        }
+    )
 
 
 def test_the_list_is_the_same_whatever_was_found() -> None:

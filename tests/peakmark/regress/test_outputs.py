@@ -5,10 +5,10 @@ from dataclasses import replace
 from xml.etree import ElementTree
 
 import pytest
-from regress_helpers import frame, marker, missed, record, sound
 
 from peakmark.regress.compare import Comparison, compare
 from peakmark.regress.outputs import escaped, junit_xml, markdown, plain, sentence
+from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 EVIL = '<script>alert("1")</script> | [x](javascript:1) `'
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from regress_helpers import frame, marker, missed, record, sound
 
-from peakmark.overlay import FALSE, FOUND, MISSED
 from peakmark.regress.compare import Comparison, compare
 from peakmark.regress.page import draw_result, summary, write_page
 from peakmark.regress.run import PICTURE
+from peakmark.report.overlay import FALSE, FOUND, MISSED
+from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 EVIL = '"><script>alert(1)</script>'
 

@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
-from regress_helpers import frame, marker, missed, record, sound
 
 from peakmark.errors import InputError
 from peakmark.regress.record import from_text, read_record, to_text
+from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 MIXED = record(frame(0, marker(), missed()), frame(1, failure="timeout: no answer", drop=None, false_xy=None))
 

@@ -4,16 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from corpus_helpers import child_environment
-from planted_faults import records_of, rendered
-from regress_helpers import make_small_corpus
-from user_finders import FAULTS
 
 from peakmark.errors import InputError
 from peakmark.regress.compare import compare
 from peakmark.regress.record import Record, to_text
 from peakmark.regress.run import Run, run_suite
 from peakmark.regress.suite import Suite, load_suite
+from tests.peakmark.regress.helpers import make_small_corpus
+from tests.peakmark.regress.planted_faults import records_of, rendered
+from tests.peaksim.corpus.helpers import child_environment
+from tests.user_detectors import FAULTS
 
 PARAMETERS = {"name": "markers", "stretch": 1.5}
 
@@ -54,14 +54,12 @@ def test_the_sound_detector_finds_nearly_everything_and_is_the_same_again(suite:
     [
         ({"parameters": {"threshold": 200.0}}, "features"),
         ({"parameters": {"octaves": 3}}, "recall"),
-        ({"name": "user_finders:half_pixel_shift"}, "bias in x"),
-        ({"name": "user_finders:polarity_swapped"}, "wrong polarity"),
+        ({"name": "tests.user_detectors:half_pixel_shift"}, "bias in x"),
+        ({"name": "tests.user_detectors:polarity_swapped"}, "wrong polarity"),
     ],
     ids=["threshold × 2", "one octave missing", "half a pixel", "polarity swapped"],
 )
-def test_a_planted_fault_is_caught(
-    suite: Suite, baseline: Record, settings: dict[str, object], expected: str
-) -> None:
+def test_a_planted_fault_is_caught(suite: Suite, baseline: Record, settings: dict[str, object], expected: str) -> None:
     assert expected in faults(run(suite, **settings).record, baseline)
 
 
@@ -77,7 +75,7 @@ def test_20_seeds_raise_no_false_alarm_and_every_fault_is_caught_in_each() -> No
 
 
 def test_a_fault_of_the_detector_costs_its_frame(suite: Suite) -> None:
-    record = run(suite, name="user_finders:fails_on_every_third", quick=True).record
+    record = run(suite, name="tests.user_detectors:fails_on_every_third", quick=True).record
     failed = [result for result in record.results if result.failure]
     assert 0 < len(failed) <= len(record.results) / 2
     assert all("RuntimeError: not today" in (result.failure or "") for result in failed)
@@ -93,7 +91,7 @@ def test_a_fault_of_the_detector_costs_its_frame(suite: Suite) -> None:
 )
 def test_a_detector_that_gives_no_answers_stops_the_run_in_one_line(suite: Suite, function: str, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        run(suite, name=f"user_finders:{function}")
+        run(suite, name=f"tests.user_detectors:{function}")
     assert "\n" not in str(caught.value)
 
 
@@ -112,8 +110,9 @@ def test_reading_a_corpus_is_rendering_it(suite: Suite, baseline: Record, tmp_pa
 
 def test_another_seed_is_other_noise_on_the_same_views(suite: Suite) -> None:
     table = suite.table.model_copy(update={"quick_frames": 2})
-    one, two = (run_suite(Suite(table, Path()), suite.finder(**PARAMETERS), quick=True, seed=seed).record
-                for seed in (1, 2))  # fmt: skip
+    one, two = (
+        run_suite(Suite(table, Path()), suite.finder(**PARAMETERS), quick=True, seed=seed).record for seed in (1, 2)
+    )
     for a, b in zip(one.results, two.results, strict=True):
         assert a.picture != b.picture
         assert {name: m.true_xy for name, m in a.markers.items()} == {name: m.true_xy for name, m in b.markers.items()}

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import pytest
-from corpus_helpers import write_tiny_scene
+
+from tests.peaksim.corpus.helpers import write_tiny_scene
 
 
 @pytest.fixture

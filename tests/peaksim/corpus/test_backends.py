@@ -12,9 +12,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from corpus_helpers import child_environment, contents, is_alive, tiny_spec, wait_until
 from peaksim.corpus import in_process, make_corpus, on_dask, processes
 from peaksim.errors import InputError, RendererError
+
+from tests.peaksim.corpus.helpers import child_environment, contents, is_alive, tiny_spec, wait_until
 
 
 def square(number: int) -> int:
@@ -93,8 +94,10 @@ def test_each_worker_has_one_thread_and_the_environment_is_put_back() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a thread watches, which this worker does not let run")
 def test_a_worker_dies_with_its_parent_whatever_it_does(tmp_path: Path) -> None:
-    code = ("import sys, test_backends; from functools import partial; from peaksim.corpus import processes\n"
-            "list(processes(1).run(partial(test_backends.hold_the_interpreter, sys.argv[1]), [0]))")  # fmt: skip
+    code = (
+        "import sys, test_backends; from functools import partial; from peaksim.corpus import processes\n"
+        "list(processes(1).run(partial(test_backends.hold_the_interpreter, sys.argv[1]), [0]))"
+    )
     parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], env=environment_with_these_tests())
     try:
         wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text().endswith(" "))
@@ -144,8 +147,9 @@ class Cluster:
         return file.read_text()
 
     def add_worker(self, *options: str) -> subprocess.Popen[bytes]:
-        return self._start("worker", self.address, "--no-dashboard", "--no-nanny",
-                           "--local-directory", str(self.folder), *options)  # fmt: skip
+        return self._start(
+            "worker", self.address, "--no-dashboard", "--no-nanny", "--local-directory", str(self.folder), *options
+        )
 
     def _start(self, *command: str) -> subprocess.Popen[bytes]:
         with (self.folder / "log.txt").open("ab") as log:

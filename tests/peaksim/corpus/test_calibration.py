@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from peaksim.camera import Camera
+from peaksim.camera.camera import Camera
 from peaksim.corpus.calibration import opencv_yaml
 
 POINTS = np.random.default_rng(0).uniform([-0.4, -0.3, 0.8], [0.4, 0.3, 2], (50, 3))

@@ -5,9 +5,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from corpus_helpers import contents, tiny_spec, write_tiny_scene
 from peaksim.corpus import check_corpus, make_corpus
 from peaksim.errors import InputError
+
+from tests.peaksim.corpus.helpers import contents, tiny_spec, write_tiny_scene
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,9 @@ def test_missing_and_added_files_are_found(corpus: Path) -> None:
     (corpus / "detections").mkdir()
     (corpus / "detections" / "surf.parquet").write_text("results may lie beside the corpus")
     assert check_corpus(str(corpus)) == [
-        "'frames/000000/00000001.png': is missing", "'frames/000000/notes <b>.txt': is not of the corpus"]  # fmt: skip
+        "'frames/000000/00000001.png': is missing",
+        "'frames/000000/notes <b>.txt': is not of the corpus",
+    ]
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd", "/etc/passwd", "frames/../../x", "<script>alert(1)</script>"])

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from corpus_helpers import MemoryFile, tiny_records, tiny_spec
 from hypothesis import given
 from hypothesis import strategies as st
 from peaksim.corpus.coco import clipped, coco_writer
-from peaksim.truth import polygon_area
+from peaksim.truth.markers import polygon_area
 from pycocotools.coco import COCO
+
+from tests.peaksim.corpus.helpers import MemoryFile, tiny_records, tiny_spec
 
 KINDS = ("surf-dark", "surf-light", "unused")
 

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pycolmap
 import pytest
-from corpus_helpers import MemoryFile, tiny_records, tiny_spec
 from peaksim.corpus.colmap import camera_line, colmap_writer
 from peaksim.corpus.spec import CorpusSpec
+
+from tests.peaksim.corpus.helpers import MemoryFile, tiny_records, tiny_spec
 
 CAMERAS: dict[str, dict[str, Any]] = {
     "PINHOLE": {},
@@ -50,16 +51,29 @@ def test_a_marker_that_moved_between_sequences_is_not_one_point(folder: Path, tm
     spec = tiny_spec(markers={"shift_m": [-0.05, 0.05]})
     records = tiny_records(spec, folder)
     reconstruction = write_model(spec, records, tmp_path)
-    seen = {(r["sequence"], m["name"], i) for r in records for m in r["markers"]
-            for i, state in enumerate(m["points_seen"]) if state == 2}  # fmt: skip
+    seen = {
+        (r["sequence"], m["name"], i)
+        for r in records
+        for m in r["markers"]
+        for i, state in enumerate(m["points_seen"])
+        if state == 2
+    }
     assert reconstruction.num_points3D() == len(seen)
     observations = sum(point.track.length() for point in reconstruction.points3D.values())
     assert observations == sum(m["points_seen"].count(2) for r in records for m in r["markers"])
 
 
 def test_eight_coefficients_keep_their_order() -> None:
-    values = {"width": 4, "height": 2, "fx": 1.0, "fy": 2.0, "cx": 1.5, "cy": 0.5, "model": "brown",
-              "distortion": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]}  # fmt: skip
+    values = {
+        "width": 4,
+        "height": 2,
+        "fx": 1.0,
+        "fy": 2.0,
+        "cx": 1.5,
+        "cy": 0.5,
+        "model": "brown",
+        "distortion": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0],
+    }
     expected = [1, 2, 2, 1, 1, 2, 3, 4, 5, 6, 7, 8]
     assert camera_line(values).split()[:3] == ["FULL_OPENCV", "4", "2"]
     assert np.array_equal(np.array(camera_line(values).split()[3:], dtype=float), expected)

@@ -11,10 +11,19 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from corpus_helpers import child_environment, complaints, contents, is_alive, run_make, tiny_spec, wait_until
 from peaksim.corpus import check_corpus, in_process, make_corpus, open_corpus, processes
 from peaksim.corpus.write import Job, write_shard
 from peaksim.errors import InputError, SceneError
+
+from tests.peaksim.corpus.helpers import (
+    child_environment,
+    complaints,
+    contents,
+    is_alive,
+    run_make,
+    tiny_spec,
+    wait_until,
+)
 
 
 def test_the_tree_is_as_documented_and_checks(folder: Path, tmp_path: Path) -> None:
@@ -23,8 +32,15 @@ def test_the_tree_is_as_documented_and_checks(folder: Path, tmp_path: Path) -> N
     assert (made.frames, made.rendered, made.configuration.renderer) == (12, 12, "exact")
     assert counts == [0, 3, 3, 3, 3]
     names = set(contents(tmp_path / "c"))
-    tables = ("frames.parquet", "markers.parquet", "coco_keypoints.json", "poses_tum.txt", "colmap/cameras.txt",
-              "colmap/images.txt", "colmap/points3D.txt")  # fmt: skip
+    tables = (
+        "frames.parquet",
+        "markers.parquet",
+        "coco_keypoints.json",
+        "poses_tum.txt",
+        "colmap/cameras.txt",
+        "colmap/images.txt",
+        "colmap/points3D.txt",
+    )
     assert names == {
         "corpus.json",
         "manifest.json",
@@ -227,7 +243,10 @@ def test_a_contradiction_is_found_before_the_destination_is_touched(folder: Path
 
 def test_a_full_disk_is_one_line_and_more_room_finishes_the_set(folder: Path, tmp_path: Path) -> None:
     """A file system of its own, 100 KB large, in a user namespace; enlarged for the second run."""
-    disk, code = tmp_path / "disk", "import sys, corpus_helpers; corpus_helpers.make_from_arguments(sys.argv[1:])"
+    disk, code = (
+        tmp_path / "disk",
+        "import sys; from tests.peaksim.corpus.helpers import make_from_arguments; make_from_arguments(sys.argv[1:])",
+    )
     disk.mkdir()
     script = f"""
         mount -t tmpfs -o size=100k none {disk} || exit 77
@@ -266,4 +285,6 @@ def test_the_manifest_says_what_made_it(folder: Path, tmp_path: Path) -> None:
     assert (manifest["renderer"], manifest["gl_renderer"]) == ("exact", None)
     assert {"peakmark", "numpy", "numba"} <= set(manifest["versions"])
     assert json.loads((tmp_path / "c" / "corpus.json").read_text())["spec"]["sensor"] == {
-        "per": "frame", "read_noise": {"uniform": [0.0, 2.0]}}  # fmt: skip
+        "per": "frame",
+        "read_noise": {"uniform": [0.0, 2.0]},
+    }

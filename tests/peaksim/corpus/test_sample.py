@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from corpus_helpers import tiny_spec
-from peaksim.camera import Camera
+from peaksim.camera.camera import Camera
 from peaksim.corpus.plan import FramePlan, plan_frame
 from peaksim.corpus.sample import (
     COVERED,
@@ -22,9 +21,11 @@ from peaksim.corpus.sample import (
 )
 from peaksim.corpus.spec import PictureTable
 from peaksim.errors import ImageError, InputError
-from peaksim.pose import compose, look_at
-from peaksim.scene import Mark, Quad, Scene, rectangle_m
-from peaksim.texture import Texture
+from peaksim.geometry.pose import compose, look_at
+from peaksim.scene.scene import Mark, Quad, Scene, rectangle_m
+from peaksim.scene.texture import Texture
+
+from tests.peaksim.corpus.helpers import tiny_spec
 
 
 @pytest.fixture
@@ -45,7 +46,8 @@ def test_jpeg_keeps_colours_apart_and_follows_its_quality() -> None:
     assert np.abs(decode(fine, "x").astype(int) - [200, 100, 50]).max() <= 3
     noise = np.random.default_rng(0).integers(0, 256, (64, 64)).astype(np.uint8)
     assert len(encode(noise, PictureTable(format="jpeg", quality=20))) < len(
-        encode(noise, PictureTable(format="jpeg", quality=98)))  # fmt: skip
+        encode(noise, PictureTable(format="jpeg", quality=98))
+    )
     assert coarse[:3] == b"\xff\xd8\xff"
 
 
@@ -79,7 +81,12 @@ def test_the_record_holds_camera_pose_light_sensor_and_truth(plan: FramePlan) ->
         t = truth[marker["name"]]
         assert marker["points_xy"] == [t.center_xy.tolist(), *t.corners_xy.tolist()]
         assert [marker[k] for k in ("kind", "side_px", "distance_m", "tilt_deg", "visible_fraction")] == [
-            t.kind, t.side_px, t.distance_m, t.tilt_deg, t.visible_fraction]  # fmt: skip
+            t.kind,
+            t.side_px,
+            t.distance_m,
+            t.tilt_deg,
+            t.visible_fraction,
+        ]
         world = np.array(marker["points_world_m"])
         assert np.linalg.norm(world[1] - world[2]) == pytest.approx(marker["side_m"])
         assert np.linalg.norm(world[0] - plan.world_from_camera[:3, 3]) == pytest.approx(t.distance_m)
@@ -95,9 +102,9 @@ def test_points_are_seen_covered_or_outside() -> None:
     camera = Camera(100, 100, 100, 100, 49.5, 49.5)
     pose = look_at([0, 0, 1], [0, 0, 0], up=[0, 1, 0])  # from above: x right, y up; the picture spans ±0.5 m
     scene = Scene((card("low", 0.0, 0.0), card("lid", 0.1, 0.1, 0.18), card("edge", 0.5, 0.0)))
-    points = np.array([
-        np.concatenate([(c := rectangle_m(quad, (0, 0), quad.size_m)).mean(axis=0)[None], c]) for quad in scene.quads
-    ])  # fmt: skip
+    points = np.array(
+        [np.concatenate([(c := rectangle_m(quad, (0, 0), quad.size_m)).mean(axis=0)[None], c]) for quad in scene.quads]
+    )
     states = point_states(scene, camera, pose, points, [0, 1, 2])
     # the lid hides the low card's right corners but not its centre or left corners; the edge card is half outside
     assert states[0].tolist() == [SEEN, SEEN, COVERED, COVERED, SEEN]

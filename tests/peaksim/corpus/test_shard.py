@@ -4,8 +4,9 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from corpus_helpers import MemoryFile
 from peaksim.corpus.shard import members, shard_in
+
+from tests.peaksim.corpus.helpers import MemoryFile
 
 SAMPLES = {"00000007.png": b"picture", "00000007.json": b"{}\n", "00000008.png": b"", "00000008.json": b"[]\n" * 999}
 

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from corpus_helpers import tiny_spec
 from peaksim.corpus.draws import sequence_draws
 from peaksim.corpus.plan import read_scene
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds, varied
 from peaksim.errors import SceneError
-from peaksim.scene_file import build_setup, load_scene
+from peaksim.scene.file import build_setup, load_scene
+
+from tests.peaksim.corpus.helpers import tiny_spec
 
 
 def test_markers_of_paths_are_listed_where_the_scene_puts_them() -> None:

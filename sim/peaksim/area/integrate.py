@@ -1,0 +1,68 @@
+"""The area integral: every pixel is the mean of what it sees, in bands of rows that threads share.
+
+Which faces a pixel may see is found by interval arithmetic over tiles.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peaksim.area.bands import BAND_ROWS, Levels, draw_split, in_threads, see
+from peaksim.area.cells import Rays, cells_in_tiles
+from peaksim.area.faces import channels_of, look
+from peaksim.camera.camera import Camera
+from peaksim.scene.scene import Scene
+
+
+def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64]) -> Levels:
+    """Return the (h, w, channels) linear grey levels of a scene.
+
+    Parameters
+    ----------
+    scene, camera
+        What is seen, and by what.
+    poses
+        (1, 4, 4) `world_from_camera`, or (h, 4, 4), one a row.
+    """
+    seen = see(scene)
+    lattice = corner_rays(camera)
+    still = look(seen.faces, poses) if len(poses) == 1 else None
+    out = np.empty((camera.height, camera.width, channels_of(scene)), dtype=np.float32)
+
+    def band(first: int) -> None:
+        rows = slice(first, min(first + BAND_ROWS, camera.height))
+        rays = band_rays(camera, rows) if lattice is None else lattice[rows.start : rows.stop + 1]
+        band_poses = poses if still else poses[rows]
+        views = still or look(seen.faces, band_poses)
+        draw_split(seen, views, band_poses[:, :3, 3], rays, cells_in_tiles(views, rays), out[rows])
+
+    in_threads(band, range(0, camera.height, BAND_ROWS))
+    return out
+
+
+# --- one band of rows: (h, w, channels) pixels between (h + 1, w + 1, 3) corners ---------------------------------
+
+
+# --- what a band sees -----------------------------------------------------------------------------------------
+
+
+# --- the whole picture ----------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=2)
+def corner_rays(camera: Camera) -> Rays | None:
+    """Return (h + 1, w + 1, 3) directions of the pixel corners; None for a pinhole, which needs no table."""
+    if camera.is_pinhole:
+        return None
+    x, y = np.meshgrid(np.arange(camera.width + 1) - 0.5, np.arange(camera.height + 1) - 0.5)
+    rays = camera.unproject(np.stack([x.ravel(), y.ravel()], axis=1))
+    return rays.reshape(camera.height + 1, camera.width + 1, 3)
+
+
+def band_rays(camera: Camera, rows: slice) -> Rays:
+    """Return (h + 1, w + 1, 3) directions of the pixel corners of rows of a pinhole."""
+    rays = np.ones((rows.stop - rows.start + 1, camera.width + 1, 3))
+    rays[:, :, 0] = (np.arange(camera.width + 1) - 0.5 - camera.cx) / camera.fx
+    rays[:, :, 1] = ((np.arange(rows.start, rows.stop + 1) - 0.5 - camera.cy) / camera.fy)[:, None]
+    return rays

@@ -1,0 +1,272 @@
+"""Cameras: the one projection that pictures and truth share.
+
+Pixel centres are at integers: the image covers [−0.5, W − 0.5] × [−0.5, H − 0.5].
+Distortion is OpenCV's: "brown" with (k1, k2, p1, p2[, k3[, k4, k5, k6]]), "fisheye" with (k1, k2, k3, k4).
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peaksim.errors import SceneError
+
+Points = NDArray[np.float64]
+
+MAX_PIXELS = 64_000_000
+"""Pictures larger than this are refused: 64 megapixels."""
+
+_COEFFICIENTS = {"brown": (0, 4, 5, 8), "fisheye": (0, 4)}
+_NEWTON_STEPS = 50
+_CONVERGED = 1e-12
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera: intrinsics, lens distortion and shutter."""
+
+    width: int = 640
+    """Pixels."""
+    height: int = 480
+    """Pixels."""
+    fx: float = 500.0
+    """Focal length along x, px."""
+    fy: float = 500.0
+    """Focal length along y, px."""
+    cx: float = 319.5
+    """Principal point, px."""
+    cy: float = 239.5
+    """Principal point, px."""
+    distortion: tuple[float, ...] = ()
+    """OpenCV's vector: brown takes 0, 4, 5 or 8 coefficients, fisheye 0 or 4."""
+    model: Literal["brown", "fisheye"] = "brown"
+    """Lens model; without coefficients brown is the pinhole and fisheye the equidistant lens."""
+    row_time_s: float = 0.0
+    """Rolling shutter: time from one row's exposure to the next one's; 0 exposes all rows at once."""
+    exposure_s: float = 0.0
+    """Time over which a moving camera's picture is integrated."""
+
+    def __post_init__(self) -> None:
+        _check_size(self.width, self.height)
+        _check_numbers(self)
+        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
+        if self.model not in _COEFFICIENTS:
+            raise SceneError(f'camera: model: expected "brown" or "fisheye", got {self.model!r}')
+        if len(self.distortion) not in _COEFFICIENTS[self.model]:
+            raise SceneError(
+                f"camera: distortion: expected one of {_COEFFICIENTS[self.model]} coefficients "
+                f"for {self.model}, got {len(self.distortion)}"
+            )
+        if self.distortion and not np.isfinite(self.unproject(_border(self))).all():
+            raise SceneError(
+                f"camera: distortion: expected a lens that can be inverted over the whole image, "
+                f"got {self.distortion}, which folds it"
+            )
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """(3, 3) OpenCV camera matrix."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], dtype=np.float64)
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether straight lines stay straight."""
+        return self.model == "brown" and not any(self.distortion)
+
+    def project(self, points_in_camera: ArrayLike) -> Points:
+        """Return (n, 2) px of (n, 3) points in metres, camera frame; nan behind the camera.
+
+        Brown sees z > 0, up to the radius where the lens would fold the picture; fisheye sees every direction
+        but straight behind.
+        """
+        points = np.asarray(points_in_camera, dtype=np.float64).reshape(-1, 3)
+        flat = (
+            _project_brown(points, self.distortion)
+            if self.model == "brown"
+            else _project_fisheye(points, self.distortion)
+        )
+        return np.asarray(flat * [self.fx, self.fy] + [self.cx, self.cy])
+
+    def unproject(self, xy: ArrayLike) -> Points:
+        """Return (n, 3) viewing directions of (n, 2) px: z = 1 for brown, unit length for fisheye.
+
+        nan where no direction projects there (beyond the fold of a distortion).
+        """
+        flat = (np.asarray(xy, dtype=np.float64).reshape(-1, 2) - [self.cx, self.cy]) / [self.fx, self.fy]
+        if self.model == "fisheye":
+            return _unproject_fisheye(flat, self.distortion)
+        undistorted = _undistort_brown(flat, self.distortion) if any(self.distortion) else flat
+        return np.concatenate([undistorted, np.ones((len(flat), 1))], axis=1)
+
+
+def from_sensor(
+    width: int, height: int, focal_mm: float, sensor_width_mm: float, *, distortion: tuple[float, ...] = ()
+) -> Camera:
+    """Return a camera with square pixels and a centred principal point from lens and sensor data."""
+    if not (focal_mm > 0 and sensor_width_mm > 0):
+        raise SceneError(
+            f"camera: expected positive millimetres, got focal_mm {focal_mm}, sensor_width_mm {sensor_width_mm}"
+        )
+    focal = focal_mm / sensor_width_mm * width
+    return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, distortion)
+
+
+def resized(camera: Camera, scale: float) -> Camera:
+    """Return the camera with `scale` times as many pixels along each side, seeing the same field of view."""
+    width, height = round(camera.width * scale), round(camera.height * scale)
+    sx, sy = width / camera.width, height / camera.height
+    return replace(
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx * sx,
+        fy=camera.fy * sy,
+        cx=(camera.cx + 0.5) * sx - 0.5,
+        cy=(camera.cy + 0.5) * sy - 0.5,
+    )
+
+
+def _check_size(width: int, height: int) -> None:
+    for name, value in (("width", width), ("height", height)):
+        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
+            raise SceneError(f"camera: {name}: expected a whole number of pixels ≥ 1, got {value!r}")
+    if int(width) * int(height) > MAX_PIXELS:
+        raise SceneError(f"camera: expected at most {MAX_PIXELS} pixels, got {width}×{height}")
+
+
+def _check_numbers(camera: Camera) -> None:
+    for name in ("fx", "fy", "cx", "cy", "row_time_s", "exposure_s"):
+        if not np.isfinite(getattr(camera, name)):
+            raise SceneError(f"camera: {name}: expected a finite number, got {getattr(camera, name)}")
+    for name in ("fx", "fy"):
+        if not getattr(camera, name) > 0:
+            raise SceneError(f"camera: {name}: expected a positive focal length in px, got {getattr(camera, name)}")
+    for name in ("row_time_s", "exposure_s"):
+        if getattr(camera, name) < 0:
+            raise SceneError(f"camera: {name}: expected a time ≥ 0 s, got {getattr(camera, name)}")
+    if not np.isfinite(np.asarray(camera.distortion, dtype=np.float64)).all():
+        raise SceneError(f"camera: distortion: expected finite numbers, got {camera.distortion}")
+
+
+def _border(camera: Camera) -> Points:
+    """Return points along the image border, where a distortion folds first."""
+    x = np.linspace(-0.5, camera.width - 0.5, 65)
+    y = np.linspace(-0.5, camera.height - 0.5, 65)
+    ends = np.array([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]])
+    sides = [np.stack([x, np.full(65, ends[k, 1])], 1) for k in (0, 1)]
+    return np.concatenate([*sides, *(np.stack([np.full(65, ends[k, 0]), y], 1) for k in (0, 1))])
+
+
+def _brown_terms(distortion: tuple[float, ...]) -> NDArray[np.float64]:
+    return np.pad(np.asarray(distortion, dtype=np.float64), (0, 8 - len(distortion)))
+
+
+def _distort_brown(flat: Points, distortion: tuple[float, ...]) -> tuple[Points, NDArray[np.float64]]:
+    """Return distorted (n, 2) normalised coordinates and their (n, 2, 2) derivative (OpenCV, calib3d)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = _brown_terms(distortion)
+    x, y = flat[:, 0], flat[:, 1]
+    r2 = x * x + y * y
+    top, bottom = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    radial = top / bottom
+    slope = (k1 + r2 * (2 * k2 + 3 * r2 * k3) - radial * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / bottom
+    distorted = flat * radial[:, None]
+    distorted[:, 0] += 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    distorted[:, 1] += p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    derivative = np.empty((len(flat), 2, 2))
+    derivative[:, 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+    derivative[:, 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+    derivative[:, 0, 1] = derivative[:, 1, 0] = cross
+    return distorted, derivative
+
+
+@lru_cache(maxsize=64)
+def _fold_radius(distortion: tuple[float, ...]) -> float:
+    """Return the radius (tan of the angle) at which the radial part of a brown lens turns back; inf if never."""
+    k1, k2, _, _, k3, k4, k5, k6 = _brown_terms(distortion)
+    top, bottom = np.polynomial.Polynomial([1, k1, k2, k3]), np.polynomial.Polynomial([1, k4, k5, k6])
+    r2 = np.polynomial.Polynomial([0, 1])
+    # d/dr of r·top/bottom, in r²; and the poles of the quotient
+    turning = top * bottom + 2 * r2 * (top.deriv() * bottom - top * bottom.deriv())
+    roots = np.concatenate([turning.roots(), bottom.roots()])
+    real = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots))].real if len(roots) else roots
+    return float(np.sqrt(min((r for r in real if r > 0), default=np.inf)))
+
+
+def _project_brown(points: Points, distortion: tuple[float, ...]) -> Points:
+    z = points[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        flat = np.where(z[:, None] > 0, points[:, :2] / z[:, None], np.nan)
+        if not any(distortion):
+            return flat
+        flat[~(np.hypot(flat[:, 0], flat[:, 1]) < _fold_radius(distortion))] = np.nan
+        return _distort_brown(flat, distortion)[0]
+
+
+def _undistort_brown(distorted: Points, distortion: tuple[float, ...]) -> Points:
+    """Invert the distortion by Newton's method from the image centre outwards; nan where it has no inverse."""
+    flat = distorted.copy()
+    limit = _fold_radius(distortion)
+    with np.errstate(all="ignore"):
+        far = np.hypot(flat[:, 0], flat[:, 1]) >= limit
+        flat[far] *= (0.9 * limit / np.hypot(flat[far, 0], flat[far, 1]))[:, None]
+        for _ in range(_NEWTON_STEPS):
+            value, derivative = _distort_brown(flat, distortion)
+            step = np.linalg.solve(derivative, (distorted - value)[:, :, None])[:, :, 0] if len(flat) else flat
+            flat = flat + step
+            if not (np.abs(step) > _CONVERGED).any():
+                break
+        value, derivative = _distort_brown(flat, distortion)
+        wrong = ~(np.abs(value - distorted).max(axis=1, initial=0) < 1e-9) | ~(np.linalg.det(derivative) > 0)
+        flat[wrong | ~(np.hypot(flat[:, 0], flat[:, 1]) < limit)] = np.nan
+    return flat
+
+
+def _fisheye_angle(
+    theta: NDArray[np.float64], distortion: tuple[float, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the distorted angle and its derivative (Kannala and Brandt 2006, as OpenCV's fisheye)."""
+    k1, k2, k3, k4 = np.pad(np.asarray(distortion, dtype=np.float64), (0, 4 - len(distortion)))
+    t2 = theta * theta
+    value = theta * (1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))))
+    return value, 1 + t2 * (3 * k1 + t2 * (5 * k2 + t2 * (7 * k3 + t2 * 9 * k4)))
+
+
+def _project_fisheye(points: Points, distortion: tuple[float, ...]) -> Points:
+    radius = np.hypot(points[:, 0], points[:, 1])
+    theta = np.arctan2(radius, points[:, 2])
+    angle, _ = _fisheye_angle(theta, distortion)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(radius > 0, angle / radius, 1 / points[:, 2])
+    flat = points[:, :2] * scale[:, None]
+    flat[(radius == 0) & ~(points[:, 2] > 0) | (theta >= _fisheye_limit(distortion))] = np.nan
+    return flat
+
+
+@lru_cache(maxsize=64)
+def _fisheye_limit(distortion: tuple[float, ...]) -> float:
+    """Return the angle at which a fisheye lens turns back, at most a little below π."""
+    k = np.pad(np.asarray(distortion, dtype=np.float64), (0, 4 - len(distortion)))
+    roots = np.polynomial.Polynomial([1, *(k * [3, 5, 7, 9])]).roots() if k.any() else np.empty(0)
+    real = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots))].real if len(roots) else roots
+    turning = np.sqrt(np.asarray(real, dtype=np.float64)[np.asarray(real) > 0])
+    return float(min([np.pi * (1 - 1e-9), *turning.tolist()]))
+
+
+def _unproject_fisheye(flat: Points, distortion: tuple[float, ...]) -> Points:
+    angle = np.hypot(flat[:, 0], flat[:, 1])
+    limit = _fisheye_limit(distortion)
+    theta = np.minimum(angle, 0.99 * limit)
+    with np.errstate(all="ignore"):
+        for _ in range(_NEWTON_STEPS):
+            value, slope = _fisheye_angle(theta, distortion)
+            step = (angle - value) / slope
+            theta = np.clip(theta + step, 0, limit)
+            if not (np.abs(step) > _CONVERGED).any():
+                break
+        value, _ = _fisheye_angle(theta, distortion)
+        theta[~(np.abs(value - angle) < 1e-9) | (theta >= limit)] = np.nan
+        sine = np.where(angle > 0, np.sin(theta) / angle, 1.0)
+    return np.stack([flat[:, 0] * sine, flat[:, 1] * sine, np.cos(theta)], axis=1)

@@ -1,0 +1,131 @@
+"""What a renderer returns: the picture, where it was taken from, and what is true of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peaksim.camera.camera import Camera
+from peaksim.camera.shutter import Shot
+from peaksim.geometry.pose import Pose
+
+TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
+"""Error budget of each renderer: rms over a picture against the area integral, grey levels."""
+
+
+def error_budget(renderer: str) -> str:
+    """Return what a report says of the error that a renderer's textures may have."""
+    return f"Texture error budget: {TEXTURE_ERROR_RMS[renderer]} grey levels rms"
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """An ellipse in the picture."""
+
+    center_xy: NDArray[np.float64]
+    """(2,) px; under perspective not the picture of the circle's centre."""
+    semi_axes_px: tuple[float, float]
+    """The longer and the shorter half axis."""
+    angle_deg: float
+    """Direction of the longer one, from x towards y, 0…180."""
+
+
+def _unknown(*shape: int) -> NDArray[np.float64]:
+    return np.full(shape, np.nan)
+
+
+@dataclass(frozen=True)
+class MarkerTruth:
+    """Where one marker truly is in the image, from the projection that the renderer uses."""
+
+    name: str
+    """Name of the mark."""
+    kind: str
+    """Its printed pattern, such as "surf-dark"."""
+    center_xy: NDArray[np.float64]
+    """(2,) projection of the marker's centre, px; nan behind the camera."""
+    corners_xy: NDArray[np.float64]
+    """(4, 2) projections of the pattern's corners without border, top-left first and clockwise, px."""
+    side_px: float
+    """Square root of the area of the projected pattern, px."""
+    distance_m: float
+    """Distance of the marker's centre from the camera centre, metres."""
+    tilt_deg: float
+    """Angle between the marker's normal and the ray to the camera, degrees: 0 is seen squarely, > 90 from behind."""
+    visible_fraction: float
+    """Share of the pattern's image area that is inside the image and not occluded, 0…1; 0 from behind. Where the
+    camera moves: at mid-exposure, as all fields above."""
+    affinity: NDArray[np.float64] = field(default_factory=lambda: _unknown(2, 2))
+    """(2, 2) px per side at the centre; columns are the pattern's x (right) and y (down) axes."""
+    ellipse: Ellipse = field(default_factory=lambda: Ellipse(_unknown(2), (np.nan, np.nan), np.nan))
+    """Picture of the circle inscribed in the pattern; nan where part of it is behind the camera."""
+    blur_mean_xy: NDArray[np.float64] = field(default_factory=lambda: _unknown(2))
+    """(2,) mean of `center_xy` over the exposure, px; where the blurred marker's centre of gravity is."""
+    blur_covariance_px2: NDArray[np.float64] = field(default_factory=lambda: _unknown(2, 2))
+    """(2, 2) covariance of `center_xy` over the exposure, px²; 0 where the camera stands still."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture and its truth."""
+
+    image: NDArray[np.uint8]
+    """(H, W) grey or (H, W, 3) RGB."""
+    linear: NDArray[np.float32]
+    """(H, W) or (H, W, 3) linear grey levels before rounding, the sensor's input; 255 is white."""
+    camera: Camera
+    """The camera that took it."""
+    world_from_camera: Pose
+    """(4, 4) pose of the camera (at mid-exposure of the middle row, where it moves)."""
+    time_s: float
+    """Time on the trajectory; 0 for a single picture."""
+    truth: tuple[MarkerTruth, ...]
+    """One record a marker of the scene, in the scene's order, whether in view or not."""
+    renderer: str
+    """"exact" or "gl": which renderer drew it."""
+    gl_renderer: str | None
+    """OpenGL's renderer string, None without GL."""
+    surfaces: "Callable[[], Surfaces]"
+    """Computes depth, ids and normals on first use."""
+    shot: Shot
+    """The one projection of picture and truth: `shot.project(points_m)` gives px of world points."""
+
+    @cached_property
+    def _surfaces(self) -> "Surfaces":
+        return self.surfaces()
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """(H, W) z in the camera frame at pixel centres, metres, analytic; inf where nothing is."""
+        return self._surfaces.depth_m
+
+    @property
+    def quad_ids(self) -> NDArray[np.int32]:
+        """(H, W) index into `scene.quads` at pixel centres; −1 where no quad is seen."""
+        return self._surfaces.quad_ids
+
+    @property
+    def mesh_ids(self) -> NDArray[np.int32]:
+        """(H, W) index into `scene.meshes` at pixel centres; −1 where no mesh is seen."""
+        return self._surfaces.mesh_ids
+
+    @property
+    def normals(self) -> NDArray[np.float32]:
+        """(H, W, 3) unit normals towards the camera at pixel centres, camera frame; 0 where nothing is."""
+        return self._surfaces.normals
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """What is seen at each pixel's centre."""
+
+    depth_m: NDArray[np.float32]
+    """(H, W) z in the camera frame (of the row's pose), metres; inf where nothing is."""
+    quad_ids: NDArray[np.int32]
+    """(H, W) index into `scene.quads`, −1 elsewhere."""
+    mesh_ids: NDArray[np.int32]
+    """(H, W) index into `scene.meshes`, −1 elsewhere."""
+    normals: NDArray[np.float32]
+    """(H, W, 3) unit normal towards the camera, camera frame; 0 where nothing is."""

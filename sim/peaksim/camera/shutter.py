@@ -1,0 +1,105 @@
+"""The one projection of pictures and truth when the camera moves: row by row, and over the exposure.
+
+A still camera is one on a trajectory of one waypoint. Row y is exposed around `time_s` + (y − (H − 1)/2)·`row_time_s`,
+for `exposure_s`; a point is seen at the row that is exposed when the point is there.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peaksim.camera.camera import Camera
+from peaksim.geometry.pose import Pose
+from peaksim.geometry.trajectory import Trajectory
+
+_STEPS = 100
+_CONVERGED_PX = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One picture of a camera on its way."""
+
+    camera: Camera
+    """What takes the picture."""
+    trajectory: Trajectory
+    """Where the camera is, and when."""
+    time_s: float = 0.0
+    """Middle of the exposure of the middle row, seconds on the trajectory."""
+
+    @cached_property
+    def pose(self) -> Pose:
+        """(4, 4) `world_from_camera` at mid-exposure of the middle row."""
+        return self.trajectory.at(self.time_s)
+
+    @property
+    def is_rolling(self) -> bool:
+        """Whether rows see the scene from different poses."""
+        return self.camera.row_time_s > 0 and len(self.trajectory) > 1
+
+    @property
+    def is_blurred(self) -> bool:
+        """Whether the camera moves while a row is exposed."""
+        return self.camera.exposure_s > 0 and len(self.trajectory) > 1
+
+    def row_poses(self, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the (n, 4, 4) poses at mid-exposure of (n,) rows, or (1, 4, 4) if all rows have the same.
+
+        Rows farther from the picture than its height are taken to be there.
+        """
+        if not self.is_rolling:
+            return self.pose[None]
+        height = self.camera.height
+        rows = np.clip(np.asarray(y, dtype=np.float64), -height, 2 * height) + height
+        below = np.minimum(rows.astype(np.int64), 3 * height - 1)
+        share = (rows - below)[:, None, None]
+        return np.asarray((1 - share) * self._pose_table[below] + share * self._pose_table[below + 1])
+
+    @cached_property
+    def _pose_table(self) -> NDArray[np.float64]:
+        """(3·H + 1, 4, 4) poses of the rows −H…2·H; between two rows a pose is as good as straight."""
+        rows = np.arange(-self.camera.height, 2 * self.camera.height + 1) - (self.camera.height - 1) / 2
+        return self.trajectory.poses_at(self.time_s + rows * self.camera.row_time_s)
+
+    def project(self, points_m: ArrayLike) -> NDArray[np.float64]:
+        """Return (n, 2) px of (n, 3) world points at mid-exposure.
+
+        nan behind the camera, and where the shutter has no answer: the point outruns the rows.
+        """
+        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
+        xy = self._project_from(self.pose[None], points)
+        if not self.is_rolling:
+            return xy
+        middle = (self.camera.height - 1) / 2
+        before = np.full(len(points), np.inf)
+        for _ in range(_STEPS):
+            before = xy[:, 1]
+            xy = self._project_from(self.row_poses(np.nan_to_num(before, nan=middle)), points)
+            if not (np.abs(xy[:, 1] - before) > _CONVERGED_PX).any():
+                break
+        xy[np.abs(xy[:, 1] - before) > _CONVERGED_PX * 1e3] = np.nan
+        return xy
+
+    def _project_from(self, poses: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        in_camera = ((points - poses[:, :3, 3])[:, None, :] @ poses[:, :3, :3])[:, 0]
+        return self.camera.project(in_camera)
+
+    def rays(self, xy: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return what sees (n, 2) px: (1 or n, 4, 4) poses, (n, 3) directions in the camera's frame and the world's."""
+        places = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+        poses = self.row_poses(places[:, 1])
+        rays = self.camera.unproject(places)
+        return poses, rays, (poses[:, :3, :3] @ rays[:, :, None])[:, :, 0]
+
+    def moments(self, count: int) -> tuple["Shot", ...]:
+        """Return shots without blur at the middles of `count` equal parts of the exposure."""
+        steps = ((np.arange(count) + 0.5) / count - 0.5) * self.camera.exposure_s
+        sharp = replace(self.camera, exposure_s=0.0)
+        return tuple(Shot(sharp, self.trajectory, self.time_s + float(step)) for step in steps)
+
+
+def still(camera: Camera, world_from_camera: Pose) -> Shot:
+    """Return the shot of a camera that stands still."""
+    return Shot(camera, Trajectory(np.zeros(1), np.asarray(world_from_camera)[None]))

@@ -1,0 +1,107 @@
+"""A corpus in a folder."""
+
+import fcntl
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+from peaksim.corpus.store.base import Writing, is_safe
+from peaksim.errors import InputError
+
+_UNFINISHED = ".unfinished"
+_SYNCS = 16  # files that are synced side by side
+
+
+class FolderStore:
+    """A corpus in a folder of this machine, or of a file system that all workers share."""
+
+    def __init__(self, dest: str, *, new: bool) -> None:
+        self.url = dest
+        self.root = Path(dest)
+        if self.root.exists() and not self.root.is_dir():
+            raise InputError(f"{dest}: expected a folder, found a file")
+        if not self.root.exists() and not new:
+            raise InputError(f"{dest}: expected a corpus, found nothing there")
+        with self._reported(""):
+            self.root.mkdir(parents=True, exist_ok=True)
+
+    @contextmanager
+    def create(self, name: str, *, lasting: bool = True) -> Iterator[Writing]:
+        """Give a file; it is synced if `lasting` and renamed to its name when the block ends without an exception."""
+        target = self._path(name)
+        with self._reported(name):
+            (self.root / _UNFINISHED).mkdir(exist_ok=True)
+            handle, path = tempfile.mkstemp(dir=self.root / _UNFINISHED)
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    yield Writing(file)
+                    file.flush()
+                    os.fchmod(file.fileno(), 0o644)
+                    if lasting:
+                        os.fsync(file.fileno())
+                target.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(path, target)
+            finally:
+                Path(path).unlink(missing_ok=True)
+
+    def settle(self, names: Iterable[str]) -> None:
+        """Sync files, side by side: a disk then writes many at once."""
+
+        def sync(name: str) -> None:
+            with self._reported(name), self._path(name).open("rb") as file:
+                os.fsync(file.fileno())
+
+        with ThreadPoolExecutor(_SYNCS) as pool:
+            list(pool.map(sync, names))
+
+    def read(self, name: str) -> bytes:
+        """Return a file's content."""
+        with self._reported(name):
+            return self._path(name).read_bytes()
+
+    def exists(self, name: str) -> bool:
+        """Return whether a file is there."""
+        return self._path(name).is_file()
+
+    def names(self, prefix: str = "") -> Iterator[str]:
+        """Yield the names of all files below a folder; unfinished ones are none."""
+        for folder, _, files in os.walk(self.root / prefix):
+            relative = Path(folder).relative_to(self.root)
+            if relative.parts[:1] != (_UNFINISHED,):
+                yield from ((relative / file).as_posix() for file in files)
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other runs away, and clear what a killed one left unfinished; the kernel frees the lock at any end."""
+        handle = os.open(self.root, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            os.close(handle)
+            raise InputError(f"{self.url}: expected a folder that no other run writes to, one does") from error
+        try:
+            self.clear()
+            yield
+            self.clear()
+        finally:
+            os.close(handle)
+
+    def clear(self) -> None:
+        """Delete unfinished files."""
+        shutil.rmtree(self.root / _UNFINISHED, ignore_errors=True)
+
+    def _path(self, name: str) -> Path:
+        if not is_safe(name):
+            raise InputError(f"{self.url}: expected a plain file name, got {name!r}")
+        return self.root / name
+
+    @contextmanager
+    def _reported(self, name: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise InputError(f"{self.url}: {name or 'folder'}: {error.strerror or error}") from error

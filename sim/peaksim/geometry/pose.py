@@ -1,0 +1,101 @@
+"""Rigid transforms as 4×4 float64 matrices, named `target_from_source`.
+
+World: right-handed, metres, z up. Camera: x right, y down, z forward (OpenCV).
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from peaksim.errors import SceneError
+
+Pose = NDArray[np.float64]
+
+_RIGID_TOLERANCE = 1e-6
+
+
+def rigid(pose: ArrayLike, name: str = "pose") -> Pose:
+    """Return `pose` as a (4, 4) float64 rigid transform.
+
+    Raises
+    ------
+    SceneError
+        If it has another shape, is not finite, or is not rotation + translation.
+    """
+    matrix = np.asarray(pose, dtype=np.float64)
+    if matrix.shape != (4, 4):
+        raise SceneError(f"{name}: expected a 4×4 matrix, got shape {matrix.shape}")
+    if not np.isfinite(matrix).all():
+        raise SceneError(f"{name}: expected finite numbers, got nan or inf")
+    rotation = matrix[:3, :3]
+    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if error > _RIGID_TOLERANCE or np.linalg.det(rotation) < 0 or not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        raise SceneError(
+            f"{name}: expected a rigid transform (rotation + translation), got one off by {error:.3g} from orthonormal"
+        )
+    return matrix
+
+
+def compose(rotation: ArrayLike, translation_m: ArrayLike) -> Pose:
+    """Return the 4×4 transform of a (3, 3) rotation followed by a (3,) translation in metres."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    pose[:3, 3] = translation_m
+    return pose
+
+
+def invert(pose: Pose) -> Pose:
+    """Return the inverse of a rigid transform, exactly by its transpose."""
+    rotation_t = pose[:3, :3].T
+    return compose(rotation_t, -rotation_t @ pose[:3, 3])
+
+
+def transform(pose: Pose, points: ArrayLike) -> NDArray[np.float64]:
+    """Map (..., 3) points by a 4×4 transform."""
+    return np.asarray(np.asarray(points, dtype=np.float64) @ pose[:3, :3].T + pose[:3, 3])
+
+
+def look_at(eye_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Pose:
+    """Return `world_from_camera` of a camera at `eye_m` that looks at `target_m` (metres, world).
+
+    `up` is the world direction that points up in the image.
+
+    Raises
+    ------
+    SceneError
+        If eye and target coincide, or the viewing direction is parallel to `up`.
+    """
+    eye = np.asarray(eye_m, dtype=np.float64)
+    forward = np.asarray(target_m, dtype=np.float64) - eye
+    distance = float(np.linalg.norm(forward))
+    if not distance > 0:
+        raise SceneError(f"look_at: expected a target away from the eye, got both at {eye.tolist()}")
+    forward /= distance
+    right = np.cross(forward, np.asarray(up, dtype=np.float64))
+    length = float(np.linalg.norm(right))
+    if length < 1e-9:
+        raise SceneError("look_at: expected a viewing direction that is not parallel to up")
+    right /= length
+    return compose(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
+
+
+def rotation_about(axis: str, angle_deg: float) -> NDArray[np.float64]:
+    """Return the (3, 3) right-handed rotation about the axis "x", "y" or "z"."""
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    rotation = np.eye(3)
+    rotation[[j, j, k, k], [j, k, j, k]] = [c, -s, s, c]
+    return rotation
+
+
+def interpolate(start: Pose, end: Pose, fraction: ArrayLike) -> NDArray[np.float64]:
+    """Return the (..., 4, 4) poses at fractions (...), 0…1, of the way: slerp in rotation, straight in position."""
+    shares = np.asarray(fraction, dtype=np.float64)[..., None]
+    relative = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
+    turns = Rotation.from_rotvec((shares * relative).reshape(-1, 3)).as_matrix().reshape(*shares.shape[:-1], 3, 3)
+    poses = np.zeros((*shares.shape[:-1], 4, 4))
+    poses[..., :3, :3] = start[:3, :3] @ turns
+    poses[..., :3, 3] = (1 - shares) * start[:3, 3] + shares * end[:3, 3]
+    poses[..., 3, 3] = 1
+    return poses

@@ -1,0 +1,183 @@
+"""Trajectories: a camera's pose over time, smooth between waypoints."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from peaksim.errors import SceneError
+from peaksim.geometry.pose import Pose, compose, interpolate, look_at, rigid
+
+_UNIT_TOLERANCE = 1e-3  # of quaternions: files carry few decimals
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Waypoints in time; between them the pose is a cubic spline in position and in rotation.
+
+    Raises
+    ------
+    SceneError
+        If the times do not increase strictly, or a pose is not rigid.
+    """
+
+    times_s: NDArray[np.float64]
+    """(n,) strictly increasing times, n ≥ 1, seconds."""
+    world_from_camera: NDArray[np.float64]
+    """(n, 4, 4) poses."""
+
+    def __post_init__(self) -> None:
+        times = np.atleast_1d(np.array(self.times_s, dtype=np.float64))
+        poses = np.array(self.world_from_camera, dtype=np.float64)
+        if times.ndim != 1 or len(times) == 0 or poses.shape != (len(times), 4, 4):
+            raise SceneError(
+                f"trajectory: expected n ≥ 1 times and (n, 4, 4) poses, got {times.shape} and {poses.shape}"
+            )
+        if not np.isfinite(times).all() or not (np.diff(times) > 0).all():
+            raise SceneError(f"trajectory: times_s: expected strictly increasing times, got {_fault(times)}")
+        for i, pose in enumerate(poses):
+            rigid(pose, f"trajectory: pose {i}")
+        object.__setattr__(self, "times_s", times)
+        object.__setattr__(self, "world_from_camera", poses)
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last waypoint, seconds."""
+        return float(self.times_s[-1] - self.times_s[0])
+
+    def at(self, time_s: float) -> Pose:
+        """Return `world_from_camera` at a time; before the start and after the end the camera stands still."""
+        return np.asarray(self.poses_at([time_s])[0])
+
+    def poses_at(self, times_s: ArrayLike) -> NDArray[np.float64]:
+        """Return the (n, 4, 4) `world_from_camera` at (n,) times, as `at` does."""
+        times = np.clip(np.asarray(times_s, dtype=np.float64), self.times_s[0], self.times_s[-1])
+        if len(self) == 1:
+            return np.repeat(self.world_from_camera, len(times), axis=0)
+        if len(self) == 2:
+            fractions = (times - self.times_s[0]) / self.duration_s
+            return interpolate(self.world_from_camera[0], self.world_from_camera[1], fractions)
+        position, rotation = self._splines
+        poses = np.tile(np.eye(4), (len(times), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = rotation(times).as_matrix(), position(times)
+        return poses
+
+    def frame_times_s(self, frames_per_second: float) -> NDArray[np.float64]:
+        """Return the times of all frames from the start to the end, both included where they fall on a frame."""
+        if not 0 < frames_per_second < np.inf:
+            raise SceneError(f"trajectory: expected a positive frame rate, got {frames_per_second}")
+        count = int(np.floor(self.duration_s * frames_per_second + 1e-9)) + 1
+        return np.asarray(self.times_s[0] + np.arange(count) / frames_per_second)
+
+    def speeds_m_s(self, times_s: ArrayLike) -> NDArray[np.float64]:
+        """Return the camera's speed at each time, metres a second."""
+        return np.asarray(np.linalg.norm(self._motions(times_s)[0], axis=1))
+
+    def angular_rates_deg_s(self, times_s: ArrayLike) -> NDArray[np.float64]:
+        """Return the camera's angular rate at each time, degrees a second."""
+        return np.asarray(np.degrees(np.linalg.norm(self._motions(times_s)[1], axis=1)))
+
+    def check_limits(self, speed_m_s: float = np.inf, angular_rate_deg_s: float = np.inf, samples: int = 1000) -> None:
+        """Refuse a trajectory that moves faster than allowed, at `samples` even times.
+
+        Raises
+        ------
+        SceneError
+            That names the time, the limit and the value.
+        """
+        times = np.linspace(self.times_s[0], self.times_s[-1], samples)
+        for values, limit, unit in (
+            (self.speeds_m_s(times), speed_m_s, "m/s"),
+            (self.angular_rates_deg_s(times), angular_rate_deg_s, "°/s"),
+        ):
+            worst = int(np.argmax(values))
+            if values[worst] > limit:
+                raise SceneError(
+                    f"trajectory: expected at most {limit:g} {unit}, "
+                    f"got {values[worst]:.3g} {unit} at {times[worst]:.3g} s"
+                )
+
+    @cached_property
+    def _splines(self) -> tuple[Any, Any]:
+        rotations = Rotation.from_matrix(self.world_from_camera[:, :3, :3])
+        return CubicSpline(self.times_s, self.world_from_camera[:, :3, 3]), RotationSpline(self.times_s, rotations)
+
+    def _motions(self, times_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return (n, 3) velocities, m/s, and rotation rates, rad/s, by central differences inside the trajectory."""
+        times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
+        if len(self) == 1:
+            return np.zeros((len(times), 3)), np.zeros((len(times), 3))
+        step = 1e-4 * self.duration_s
+        starts, ends = np.clip([times - step, times + step], self.times_s[0], self.times_s[-1])
+        before, after = self.poses_at(starts), self.poses_at(ends)
+        turns = Rotation.from_matrix(np.swapaxes(before[:, :3, :3], 1, 2) @ after[:, :3, :3]).as_rotvec()
+        spans = (ends - starts)[:, None]
+        return (after[:, :3, 3] - before[:, :3, 3]) / spans, turns / spans
+
+
+def _fault(times: NDArray[np.float64]) -> str:
+    if not np.isfinite(times).all():
+        return "nan or inf"
+    i = int(np.flatnonzero(np.diff(times) <= 0)[0])
+    return f"{times[i]:.9g} followed by {times[i + 1]:.9g}"
+
+
+def line(start: Pose, end: Pose, duration_s: float) -> Trajectory:
+    """Return a straight way between two poses at constant speed and turning rate."""
+    return Trajectory(np.array([0.0, duration_s]), np.stack([start, end]))
+
+
+def orbit(
+    center_m: ArrayLike, radius_m: float, height_m: float, duration_s: float, turn_deg: float = 360.0, steps: int = 36
+) -> Trajectory:
+    """Return a way around a vertical axis, looking at its centre.
+
+    Parameters
+    ----------
+    center_m
+        (3,) point that stays in the middle of the picture, world.
+    radius_m, height_m
+        Horizontal distance from the axis, and height above the centre; the radius is positive.
+    duration_s
+        Time for the whole way.
+    turn_deg
+        Angle of the way, counter-clockwise seen from above; starts on the +x side.
+    steps
+        Waypoints − 1; the spline through 36 of a full turn stays within 4·10⁻⁵ of the circle.
+    """
+    center = np.asarray(center_m, dtype=np.float64)
+    if not radius_m > 0:
+        raise SceneError(f"orbit: radius_m: expected a positive number, got {radius_m}")
+    angles = np.radians(np.linspace(0, turn_deg, steps + 1))
+    eyes = center + np.stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.full(steps + 1, height_m)], 1)
+    return Trajectory(np.linspace(0, duration_s, steps + 1), np.stack([look_at(eye, center) for eye in eyes]))
+
+
+def from_quaternions(times_s: ArrayLike, positions_m: ArrayLike, quaternions_xyzw: ArrayLike) -> Trajectory:
+    """Return a trajectory of (n,) times, (n, 3) positions and (n, 4) unit quaternions (x, y, z, w).
+
+    Raises
+    ------
+    SceneError
+        If a quaternion's length is off 1 by more than 10⁻³.
+    """
+    quaternions = np.asarray(quaternions_xyzw, dtype=np.float64).reshape(-1, 4)
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(~(np.abs(lengths - 1) <= _UNIT_TOLERANCE))
+    if len(wrong):
+        raise SceneError(f"pose {wrong[0]}: expected a unit quaternion, got one of length {lengths[wrong[0]]:.6g}")
+    rotations = Rotation.from_quat(quaternions).as_matrix()
+    positions = np.asarray(positions_m, dtype=np.float64).reshape(-1, 3)
+    return Trajectory(np.asarray(times_s), np.stack([compose(r, p) for r, p in zip(rotations, positions, strict=True)]))
+
+
+def quaternions_xyzw(trajectory: Trajectory) -> NDArray[np.float64]:
+    """Return (n, 4) unit quaternions (x, y, z, w) with w ≥ 0."""
+    return np.asarray(Rotation.from_matrix(trajectory.world_from_camera[:, :3, :3]).as_quat(canonical=True))

@@ -1,0 +1,4 @@
+"""The OpenGL renderer: face numbers from pyrender, integrated by the kernels of `peaksim.area`.
+
+Nothing is imported here: OpenGL opens where it is used.
+"""

@@ -1,0 +1,184 @@
+"""OpenGL through pyrender on EGL or OSMesa: one long-lived renderer, which draws the numbers of faces.
+
+No other module imports pyrender.
+"""
+
+import atexit
+import ctypes
+import os
+from functools import cache, lru_cache
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peaksim.area.faces import triangles_m
+from peaksim.area.shown import NUMBER_BITS
+from peaksim.errors import RendererError, SceneError
+from peaksim.geometry.pose import Pose
+from peaksim.gl.tiles import Window
+from peaksim.scene.scene import Scene
+
+_LINES, _TRIANGLES = 1, 4
+_DRAWINGS_OF_OSMESA = 20
+"""Its contexts keep 2 to 8 MB of each drawing, so that a new one is opened from time to time."""
+_drawings = count(1)
+_FAILURES = (AssertionError, RuntimeError, ctypes.ArgumentError, OSError)
+
+
+def is_available() -> bool:
+    """Return whether an OpenGL context opens here."""
+    try:
+        gl_renderer()
+    except RendererError:
+        return False
+    return True
+
+
+def gl_renderer() -> str:
+    """Return OpenGL's renderer string.
+
+    Raises
+    ------
+    RendererError
+        If no context opens.
+    """
+    return _context()[1]
+
+
+def draw_numbers(
+    scene: Scene, world_from_camera: Pose, window: Window, depths_m: tuple[float, float]
+) -> NDArray[np.uint32]:
+    """Return what a window shows: in the low 24 bits the number of the nearest face + 1, 0 for none.
+
+    What is not between the two `depths_m` along the window's axis is not drawn. Faces are numbered as in `Faces`;
+    of two that are equally far the one drawn first is shown, always the same.
+
+    Raises
+    ------
+    RendererError
+        If OpenGL fails.
+    SceneError
+        If there are too many faces to number.
+    """
+    import pyrender
+
+    try:
+        renderer, drawn = _context()[0], _drawn(scene)
+        renderer.viewport_width, renderer.viewport_height = window.columns, window.rows
+        (fx, _, cx), (_, fy, cy), _ = window.samples_from_window
+        # upside down, for OpenGL begins with the lowest row
+        lens = pyrender.IntrinsicsCamera(fx, -fy, cx, window.rows - cy, znear=depths_m[0], zfar=depths_m[1])
+        turned = world_from_camera.copy()
+        turned[:3, :3] = world_from_camera[:3, :3] @ window.camera_from_window @ np.diag([1.0, -1.0, -1.0])
+        node = drawn.add(lens, pose=turned)
+        try:
+            numbers, _ = renderer.render(drawn, flags=pyrender.RenderFlags.FLAT)
+        finally:
+            drawn.remove_node(node)
+        if os.environ["PYOPENGL_PLATFORM"] == "osmesa" and next(_drawings) % _DRAWINGS_OF_OSMESA == 0:
+            _close()
+    except _FAILURES as error:
+        raise RendererError(f"OpenGL failed while drawing: {type(error).__name__} {error}") from error
+    return np.asarray(numbers)
+
+
+@lru_cache(maxsize=1)
+def _drawn(scene: Scene) -> Any:
+    """Return the scene for pyrender: one mesh, whose colours are numbers, so that the order of drawing never varies."""
+    import pyrender
+
+    squares = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
+    triangles = triangles_m(scene.meshes)
+    total = len(squares) + len(triangles)
+    if total >= NUMBER_BITS:
+        raise SceneError(f'scene: expected fewer than {NUMBER_BITS} faces for "gl", got {total}')
+    drawn = pyrender.Scene(bg_color=[0.0, 0.0, 0.0, 0.0])
+    quad_numbers, triangle_numbers = np.arange(1, len(squares) + 1), np.arange(len(squares) + 1, total + 1)
+    # outlines show quads that are thinner than a sample
+    parts = (
+        (squares[:, [0, 1, 2, 0, 2, 3]], quad_numbers, _TRIANGLES),
+        (squares[:, [0, 1, 1, 2, 2, 3, 3, 0]], quad_numbers, _LINES),
+        (triangles, triangle_numbers, _TRIANGLES),
+    )
+    primitives = [_numbered(*part) for part in parts if len(part[0])]
+    if primitives:
+        drawn.add(pyrender.Mesh(primitives))
+    return drawn
+
+
+def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: int) -> Any:
+    """Return (n, k, 3) corners as lines or triangles, each in the colour of its number, seen from both sides."""
+    import pyrender
+
+    colours = np.ones((*corners.shape[:2], 4), np.float32)
+    colours[:, :, :3] = (numbers[:, None, None] >> np.array([0, 8, 16]) & 255) / 255
+    material = pyrender.MetallicRoughnessMaterial(baseColorFactor=[1.0] * 4, doubleSided=True)
+    positions = corners.reshape(-1, 3).astype(np.float32)
+    return pyrender.Primitive(positions=positions, color_0=colours.reshape(-1, 4), mode=mode, material=material)
+
+
+@cache
+def _context() -> tuple[Any, str]:
+    """Open the process's one renderer; EGL first, OSMesa second."""
+    try:
+        ctypes.CDLL("libGL.so.1")  # pyglet, which pyrender imports, loads it
+        os.environ.setdefault("PYOPENGL_PLATFORM", "egl" if _loads("libEGL.so.1") else "osmesa")
+        import pyrender
+        from OpenGL.GL import GL_RENDERER, glGetString
+
+        _multisample_off()
+        if os.environ["PYOPENGL_PLATFORM"] == "osmesa":
+            _use_framebuffers()
+        renderer = pyrender.OffscreenRenderer(64, 64)
+        name = glGetString(GL_RENDERER).decode()
+        atexit.register(renderer.delete)  # before PyOpenGL's modules are gone
+    except Exception as error:  # every driver fails in its own way
+        raise RendererError(f"no OpenGL context opens: {type(error).__name__} {error}") from error
+    renderer._renderer._read_main_framebuffer = _read_numbers
+    return renderer, name
+
+
+def _close() -> None:
+    """Close the renderer; the next drawing opens a new one."""
+    renderer = _context()[0]
+    atexit.unregister(renderer.delete)
+    renderer.delete()
+    _context.cache_clear()
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _use_framebuffers() -> None:
+    """Let pyrender draw into framebuffers on OSMesa too, which then equals EGL bit for bit."""
+    from pyrender.platforms.osmesa import OSMesaPlatform
+
+    OSMesaPlatform.supports_framebuffers = lambda self: True
+
+
+def _multisample_off() -> None:
+    """Let pyrender draw with one sample a fragment: numbers must not be mixed."""
+    from pyrender import renderer
+
+    storage = renderer.glRenderbufferStorageMultisample
+    renderer.glRenderbufferStorageMultisample = lambda target, _, *size: storage(target, 0, *size)
+
+
+def _read_numbers(scene: Any, flags: int) -> tuple[NDArray[np.uint32], None]:
+    """Read the colours alone, as they lie in memory: pyrender's own way reads depth too, and converts."""
+    from OpenGL import GL
+
+    renderer = _context()[0]._renderer
+    width, height = renderer._main_fb_dims
+    GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, renderer._main_fb_ms)
+    GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 4)
+    levels = np.empty((height, width, 4), np.uint8)
+    GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, levels)
+    return levels.view("<u4")[:, :, 0], None

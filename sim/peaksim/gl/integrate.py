@@ -1,0 +1,148 @@
+"""The renderer that finds what is visible with OpenGL, which draws the numbers of the faces.
+
+Textures, edges, light and shadow are then integrated by the exact kernels, which look only at the faces that are shown
+in a pixel: what hides behind others costs nothing.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from peaksim.area.bands import BAND_ROWS, Levels, Seen, draw_pieces, draw_split, in_threads, new_lists, see
+from peaksim.area.cells import Cells, InCells, Rays, faces_in_tiles, owned, seen_in, side_ranges, tile_boxes, tile_cells
+from peaksim.area.faces import Views, channels_of, distances, look
+from peaksim.area.owner import MIXED, TILE
+from peaksim.area.shown import CROWDED, MOST_FACES, SAMPLES, cut_crowded, list_in_pixels, list_in_tiles
+from peaksim.camera.camera import Camera
+from peaksim.geometry.pose import Pose
+from peaksim.gl.context import draw_numbers, gl_renderer, is_available
+from peaksim.gl.tiles import tiles, window_of
+from peaksim.scene.scene import Quad, Scene
+
+__all__ = ["gl_renderer", "integrate", "is_available"]
+
+NEAREST_M = 1e-3
+"""What is nearer to the camera is not drawn."""
+TOUCH_M = 1e-3
+"""Quads that lie this close to one plane touch: OpenGL may show one in another's place."""
+_CROWDED_AT_ONCE = 512
+
+
+def integrate(scene: Scene, camera: Camera, world_from_camera: Pose) -> Levels:
+    """Return the (h, w, channels) linear grey levels of a scene.
+
+    Raises
+    ------
+    RendererError
+        If OpenGL fails.
+    """
+    seen = see(scene)
+    views, eye = look(seen.faces, world_from_camera[None]), world_from_camera[None, :3, 3]
+    out = np.full((camera.height, camera.width, channels_of(scene)), scene.background, dtype=np.float32)
+    if not len(seen.faces.planes):
+        return out
+    nearest, farthest = distances(seen.faces, eye[0])
+    groups = touching(scene)
+    for tile in tiles(camera):
+        window = window_of(tile, camera.is_pinhole)
+        depths_m = max(NEAREST_M, 0.99 * window.slant * nearest), 1.01 * farthest + 2 * NEAREST_M
+        numbers = draw_numbers(scene, world_from_camera, window, depths_m)
+        levels = np.empty((len(tile.rays) - 1, tile.rays.shape[1] - 1, out.shape[2]), dtype=np.float32)
+        draw_tile(seen, views, eye, tile.rays, Shown(numbers, window.samples_from_camera, groups), levels)
+        out[tile.rows, tile.columns] = levels
+    return out
+
+
+@lru_cache(maxsize=1)
+def touching(scene: Scene) -> NDArray[np.int64]:
+    """Return (f,) numbers: faces with the same one ≥ 0 are quads that lie on each other; −1 for all others."""
+    corners = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
+    groups = np.full(len(corners) + sum(len(mesh.faces) for mesh in scene.meshes), -1)
+    if len(corners):
+        _, labels = connected_components(np.stack([lying_on(quad, corners) for quad in scene.quads]))
+        groups[: len(corners)] = np.where(np.bincount(labels)[labels] > 1, labels, -1)
+    return groups
+
+
+def lying_on(quad: Quad, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which of (q, 4, 3) rectangles lie in the plane of a quad, within TOUCH_M, and may share area with it."""
+    local = (corners_m - quad.world_from_quad[:3, 3]) @ quad.world_from_quad[:3, :3]
+    flush = np.abs(local[:, :, 2]).max(axis=1) <= TOUCH_M
+    low, high = local[:, :, :2].min(axis=1), local[:, :, :2].max(axis=1)
+    reach = np.array(quad.size_m) / 2 - TOUCH_M
+    return np.asarray(flush & (low < reach).all(axis=1) & (high > -reach).all(axis=1))
+
+
+class Shown(NamedTuple):
+    """What OpenGL shows of a tile."""
+
+    numbers: NDArray[np.uint32]
+    """(r, c) numbers of faces, from `draw_numbers`."""
+    samples_from_camera: NDArray[np.float64]
+    """(3, 3) matrix from directions to columns and rows of `numbers`."""
+    groups: NDArray[np.int64]
+    """(f,) from `touching`."""
+
+
+# --- one tile -------------------------------------------------------------------------------------------------
+
+
+def draw_tile(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, shown: Shown, out: Levels) -> None:
+    """Write a tile, in bands that threads share; `eyes` is (1, 3), the camera's place."""
+
+    def band(first: int) -> None:
+        rows = slice(first, min(first + BAND_ROWS, len(out)))
+        corners = np.ascontiguousarray(rays[rows.start : rows.stop + 1])
+        places = places_of(corners, shown.samples_from_camera)
+        cells = cells_shown(views, corners, places, shown)
+        draw_split(seen, views, eyes, corners, cells, out[rows])
+        pixels = np.argwhere(cells.owners == CROWDED)
+        if len(pixels):
+            draw_crowded(seen, views, eyes, corners, places, shown.numbers, pixels, out[rows])
+
+    in_threads(band, range(0, len(out), BAND_ROWS))
+
+
+def places_of(rays: Rays, samples_from_camera: NDArray[np.float64]) -> Rays:
+    """Return (…, 3) (column, row, 1) of directions in a window."""
+    places = rays @ samples_from_camera.T
+    return np.asarray(places / places[:, :, 2:])
+
+
+def cells_shown(views: Views, rays: Rays, places: Rays, shown: Shown) -> Cells:
+    """Return what a band sees; a cell is a tile, or a pixel where many faces are shown in its tile."""
+    touching_faces = faces_in_tiles(views, rays, np.flatnonzero(shown.groups >= 0))
+    hints = shown.numbers, shown.groups, *touching_faces[:2]
+    boxes, cells = tile_boxes(places), tile_cells(rays)
+    found, counts = np.empty((len(boxes), MOST_FACES + 1), np.int64), np.empty(len(boxes), np.int64)
+    list_in_tiles(*hints, boxes, found, counts)
+    full = counts > MOST_FACES
+    faces = seen_in(side_ranges(views), tile_boxes(rays), found, np.where(full, 0, counts))
+    if full.any():
+        more = int(full[cells].sum())
+        found = np.concatenate([faces.found, np.empty((more, MOST_FACES + 1), np.int64)])
+        counts, alone = np.pad(faces.counts, (0, more)), np.pad(faces.alone, (0, more), constant_values=MIXED)
+        list_in_pixels(*hints, places, TILE, full, found, counts, alone, cells)
+        faces = InCells(found, counts, alone)
+    return owned(views, rays, cells, faces)
+
+
+def draw_crowded(
+    seen: Seen,
+    views: Views,
+    eyes: NDArray[np.float64],
+    rays: Rays,
+    places: Rays,
+    numbers: NDArray[np.uint32],
+    pixels: NDArray[np.int64],
+    out: Levels,
+) -> None:
+    """Add the (n, 2) pixels of a band, row and column, that show too many faces."""
+    lists = new_lists(_CROWDED_AT_ONCE * SAMPLES**2)
+    for first in range(0, len(pixels), _CROWDED_AT_ONCE):
+        some = pixels[first : first + _CROWDED_AT_ONCE]
+        n = cut_crowded(rays, views.sides, numbers, places, some, seen.background, *lists, out)
+        draw_pieces(seen, views, eyes, n, lists, out)

@@ -1,0 +1,103 @@
+"""Tiles of a picture, each with a window for OpenGL: the view of a pinhole that covers the tile, whatever the lens."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peaksim.area.cells import Rays
+from peaksim.area.integrate import band_rays, corner_rays
+from peaksim.area.shown import SAMPLES
+from peaksim.camera.camera import Camera
+
+LONGEST_PX = 1024
+"""Longest side of a tile."""
+LEAST_COSINE = 0.8
+"""Cosine of the widest angle between the middle of a lens's tile and its other directions."""
+
+
+class Tile(NamedTuple):
+    """Part of a picture."""
+
+    rows: slice
+    """Rows of the picture."""
+    columns: slice
+    """Columns of the picture."""
+    rays: Rays
+    """(h + 1, w + 1, 3) directions of the pixel corners, camera frame."""
+
+
+class Window(NamedTuple):
+    """What OpenGL draws: the view of a pinhole that looks along the third axis of a frame of its own."""
+
+    camera_from_window: NDArray[np.float64]
+    """(3, 3) rotation."""
+    columns: int
+    """Width in samples."""
+    rows: int
+    """Height in samples."""
+    samples_from_window: NDArray[np.float64]
+    """(3, 3) matrix from a direction in the window's frame to (column, row, 1) × depth; (0, 0) is the first corner."""
+    slant: float
+    """Least cosine of the angle between the third axis and any direction of the window."""
+
+    @property
+    def samples_from_camera(self) -> NDArray[np.float64]:
+        """(3, 3) matrix from a direction in the camera's frame to (column, row, 1) × depth."""
+        return self.samples_from_window @ self.camera_from_window.T
+
+
+def tiles(camera: Camera) -> Iterator[Tile]:
+    """Yield tiles that cover the picture."""
+    lattice = corner_rays(camera)
+    rays = band_rays(camera, slice(0, camera.height)) if lattice is None else lattice
+    yield from _split(Tile(slice(0, camera.height), slice(0, camera.width), rays), camera.is_pinhole)
+
+
+def _split(tile: Tile, is_pinhole: bool) -> Iterator[Tile]:
+    """Yield a tile, or its halves where it is too large."""
+    height, width = tile.rays.shape[0] - 1, tile.rays.shape[1] - 1
+    if max(height, width) <= LONGEST_PX and (is_pinhole or max(height, width) == 1 or _is_narrow(tile.rays)):
+        yield tile
+    elif width >= height:
+        x, half = tile.columns.start, width // 2
+        yield from _split(Tile(tile.rows, slice(x, x + half), tile.rays[:, : half + 1]), is_pinhole)
+        yield from _split(Tile(tile.rows, slice(x + half, x + width), tile.rays[:, half:]), is_pinhole)
+    else:
+        y, half = tile.rows.start, height // 2
+        yield from _split(Tile(slice(y, y + half), tile.columns, tile.rays[: half + 1]), is_pinhole)
+        yield from _split(Tile(slice(y + half, y + height), tile.columns, tile.rays[half:]), is_pinhole)
+
+
+def _is_narrow(rays: Rays) -> bool:
+    return bool((rays @ _middle(rays) >= LEAST_COSINE * np.linalg.norm(rays, axis=2)).all())
+
+
+def _middle(rays: Rays) -> NDArray[np.float64]:
+    """Return the unit direction in the middle of a tile."""
+    middle = rays[len(rays) // 2, rays.shape[1] // 2]
+    return np.asarray(middle / np.linalg.norm(middle))
+
+
+def window_of(tile: Tile, is_pinhole: bool) -> Window:
+    """Return a window with SAMPLES × SAMPLES samples for each pixel of a tile, evenly spread over the window.
+
+    For a pinhole, samples lie evenly in each pixel.
+    """
+    turn = np.eye(3) if is_pinhole else half_turn(_middle(tile.rays))
+    border = np.concatenate([tile.rays[0], tile.rays[-1], tile.rays[:, 0], tile.rays[:, -1]])
+    seen = border @ turn
+    flat = seen[:, :2] / seen[:, 2:]
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    size = SAMPLES * (np.array(tile.rays.shape[1::-1]) - 1)
+    scale = size / (high - low)
+    matrix = np.array([[scale[0], 0, -scale[0] * low[0]], [0, scale[1], -scale[1] * low[1]], [0, 0, 1]])
+    reach = np.abs(np.stack([low, high])).max(axis=0)
+    return Window(turn, int(size[0]), int(size[1]), matrix, float(1 / np.sqrt(1 + reach @ reach)))
+
+
+def half_turn(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (3, 3) half turn that swaps the third axis with a unit direction, which is not its opposite."""
+    between = direction + np.array([0, 0, 1])
+    return np.asarray(2 * np.outer(between, between) / (between @ between) - np.eye(3))

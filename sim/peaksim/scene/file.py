@@ -1,0 +1,120 @@
+"""TOML → scene, camera, trajectory and sensor; every error names the file, the field and what was expected."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from peaksim import shipped
+from peaksim.camera.camera import Camera
+from peaksim.camera.sensor import Sensor
+from peaksim.errors import InputError, SceneError
+from peaksim.geometry.trajectory import Trajectory
+from peaksim.scene import build as scene_build
+from peaksim.scene import posters as scene_posters
+from peaksim.scene.scene import Scene
+from peaksim.scene.schema import SceneTable
+from peaksim.toml_file import parse_toml, validate
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a scene file describes; also unpacks as `scene, camera, trajectory`."""
+
+    scene: Scene
+    """Everything that can be seen."""
+    camera: Camera
+    """The camera."""
+    trajectory: Trajectory
+    """Where the camera is over time; one waypoint for a still view."""
+    sensor: Sensor
+    """What happens to the picture after the lens."""
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.scene, self.camera, self.trajectory))
+
+
+def load_scene(path: str | Path, variants: Mapping[str, str] | None = None) -> Setup:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or the bare name of a scene that ships with the package, such as "floor".
+    variants
+        Texture name → variant, such as `{"floor": "brick"}`; the first variant listed is the default.
+
+    Raises
+    ------
+    SceneError
+        One line that names the file, the field, what was expected and what came.
+    """
+    table, folder = read_table(path)
+    try:
+        return build_setup(table, folder, variants)
+    except InputError as error:
+        raise SceneError(f"{path}: {error}") from error
+
+
+def read_table(path: str | Path) -> tuple[SceneTable, Path]:
+    """Return what a scene file states, and the folder beside whose pictures it is.
+
+    Raises
+    ------
+    SceneError
+        As `load_scene`; that textures and markers exist is not checked yet.
+    """
+    file = find_scene(path)
+    return validate(SceneTable, parse_toml(file), str(file)), file.parent
+
+
+def texture_variants(path: str | Path) -> dict[str, tuple[str, ...]]:
+    """Return the selectable variants of each texture of a scene file that has any."""
+    table, _ = read_table(path)
+    return {name: tuple(t.variants) for name, t in table.textures.items() if t.variants}
+
+
+def find_scene(path: str | Path) -> Path:
+    """Return the file of a scene: a path, or the bare name of a shipped scene."""
+    shipped_file = shipped.SCENES / f"{path}.toml"
+    return shipped_file if Path(path).name == str(path) and shipped_file.is_file() else Path(path)
+
+
+def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | None = None) -> Setup:
+    """Build what a scene table states; pictures are looked for in `folder`, then among the assets.
+
+    Raises
+    ------
+    SceneError
+        One line that names the field, what was expected and what came.
+    """
+    textures = scene_build.load_textures(table.textures, variants or {}, folder)
+    scene = Scene(
+        quads=(
+            *scene_build.room_quads(table.room, textures),
+            *scene_build.quads(table.quads, textures),
+            *scene_build.marker_quads(table.markers, table.marker_paths, table.room),
+            *scene_posters.poster_quads(table.posters, table.room),
+        ),
+        meshes=scene_build.meshes(table.boxes, table.tables),
+        lights=scene_build.lights(table.lights),
+        background=table.background,
+    )
+    scene_build.check_camera(table.trajectory, table.room)
+    camera = scene_build.camera(table.camera)
+    return Setup(scene, camera, scene_build.trajectory(table.trajectory), build_sensor(table.sensor))
+
+
+def build_sensor(settings: Mapping[str, Any]) -> Sensor:
+    """Return the sensor of a `[sensor]` table.
+
+    Raises
+    ------
+    SceneError
+        For an unknown field, or one out of its range.
+    """
+    known = list(Sensor.__dataclass_fields__)
+    for name in settings:
+        if name not in known:
+            raise SceneError(f"sensor.{name}: unknown field, expected one of {', '.join(known)}")
+    return Sensor(**settings)

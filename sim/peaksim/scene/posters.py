@@ -1,0 +1,75 @@
+"""`[[posters]]` → quads: markers composed texel by texel, so that pictures and truth agree to the last digit."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from peaksim.errors import SceneError
+from peaksim.geometry.pose import compose, rotation_about
+from peaksim.scene import schema as schema
+from peaksim.scene.build import check_inside, facing, marker_pattern
+from peaksim.scene.scene import Mark, Quad
+from peaksim.scene.texture import MAX_TEXELS, Texture
+
+_BLANK = "."
+
+
+def poster_quads(tables: tuple[schema.PosterTable, ...], room: schema.RoomTable | None) -> Iterator[Quad]:
+    """Yield the posters; copies of one poster share its texture."""
+    for i, table in enumerate(tables):
+        for quad in copies_of(table, f"posters[{i}]"):
+            yield check_inside(quad, room, f"posters[{i}].center_m")
+
+
+def copies_of(table: schema.PosterTable, field: str) -> Iterator[Quad]:
+    """Yield a poster once, or its copies from the top left, row by row, numbered from 01."""
+    texture, size_m, marks = print_poster(table, field)
+    middle = facing(table.normal, table.up, table.center_m, field)
+    across, down = table.copies
+    step_m = table.step_m or size_m
+    for k in range(across * down):
+        number = f"{k + 1:02d}" if across * down > 1 else ""
+        x, y = (k % across - (across - 1) / 2) * step_m[0], ((down - 1) / 2 - k // across) * step_m[1]
+        pose = middle @ compose(rotation_about("z", table.turn_deg), [x, y, 0.0])
+        named = tuple(Mark(f"{table.name}{number}.{m.name}", m.kind, m.side_m, m.center_m) for m in marks)
+        yield Quad(table.name + number, texture, size_m, pose, named)
+
+
+def print_poster(table: schema.PosterTable, field: str) -> tuple[Texture, tuple[float, float], tuple[Mark, ...]]:
+    """Return a poster's texture, its size in metres and its marks, named r0c0 … by row and column.
+
+    A texel is the marker pattern's own; paper size and places are rounded to whole texels.
+    """
+    patterns = {letter: marker_pattern(kind, f"{field}.kinds.{letter}") for letter, kind in table.kinds.items()}
+    sides = {len(pattern) for pattern in patterns.values()}
+    if len(sides) != 1:
+        raise SceneError(f"{field}.kinds: expected patterns of one size, got {sorted(sides)} texels")
+    side = sides.pop()
+    texel_m = table.side_m / side
+    width, height = (max(1, round(length / texel_m)) for length in table.paper_m)
+    if width * height > MAX_TEXELS:
+        raise SceneError(f"{field}.paper_m: expected at most {MAX_TEXELS} texels, got {width}×{height}")
+    paper = np.full((height, width), round(table.level), np.uint8)
+    marks = []
+    for row, column, letter in _printed(table):
+        left, top = _top_left(table, row, column, (width, height), side)
+        paper[top : top + side, left : left + side] = patterns[letter]
+        center_m = ((left + side / 2 - width / 2) * texel_m, (height / 2 - top - side / 2) * texel_m)
+        marks.append(Mark(f"r{row}c{column}", table.kinds[letter], table.side_m, center_m))
+    return Texture.from_array(paper), (width * texel_m, height * texel_m), tuple(marks)
+
+
+def _printed(table: schema.PosterTable) -> Iterator[tuple[int, int, str]]:
+    for row, letters in enumerate(table.rows):
+        for column, letter in enumerate(letters):
+            if letter != _BLANK:
+                yield row, column, letter
+
+
+def _top_left(table: schema.PosterTable, row: int, column: int, paper: tuple[int, int], side: int) -> tuple[int, int]:
+    """Return the first column and row of texels of a marker of the grid, which is centred on the paper."""
+    pitch = table.pitch_m / table.side_m * side
+    counts = (len(table.rows[0]), len(table.rows))
+    first = [(paper[k] - side - (counts[k] - 1) * pitch) / 2 for k in (0, 1)]
+    left, top = round(first[0] + column * pitch), round(first[1] + row * pitch)
+    return int(np.clip(left, 0, paper[0] - side)), int(np.clip(top, 0, paper[1] - side))

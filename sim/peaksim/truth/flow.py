@@ -1,0 +1,61 @@
+"""Optical flow between two pictures of one scene, from depth and projection; nothing is estimated."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peaksim.area.rays import first_faces, solids_of
+from peaksim.camera.frame import Frame
+from peaksim.camera.shutter import Shot
+from peaksim.scene.scene import Scene
+
+_SAME_DEPTH = 1e-4
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Where what the first picture shows lies in the second one."""
+
+    xy: NDArray[np.float32]
+    """(H, W, 2) motion from each pixel centre, px; nan where the first picture shows nothing, or the second camera
+    cannot see that way."""
+    visible: NDArray[np.bool_]
+    """(H, W) whether the point is inside the second picture, and nothing there hides it."""
+
+
+def optical_flow(scene: Scene, first: Frame, second: Frame) -> Flow:
+    """Return the flow from one frame to another one of a scene, at mid-exposure."""
+    points, xy = points_m(first), _pixel_centres(first)
+    landed = np.full((len(points), 2), np.nan)
+    known = np.isfinite(points).all(axis=1)
+    landed[known] = second.shot.project(points[known])
+    shape = first.depth_m.shape
+    visible = _is_seen(scene, second.shot, points, landed)
+    return Flow((landed - xy).astype(np.float32).reshape(*shape, 2), visible.reshape(shape))
+
+
+def points_m(frame: Frame) -> NDArray[np.float64]:
+    """Return the (H·W, 3) world points that the pixel centres show, nan where nothing is."""
+    poses, rays, world_rays = frame.shot.rays(_pixel_centres(frame))
+    depth = frame.depth_m.ravel().astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        points = poses[:, :3, 3] + (depth / rays[:, 2])[:, None] * world_rays
+    points[~np.isfinite(depth)] = np.nan
+    return np.asarray(points)
+
+
+def _pixel_centres(frame: Frame) -> NDArray[np.float64]:
+    height, width = frame.camera.height, frame.camera.width
+    x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def _is_seen(scene: Scene, shot: Shot, points: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (n,) whether a picture shows world points at their places in it."""
+    limits = np.array([shot.camera.width, shot.camera.height]) - 0.5
+    seen = np.asarray(((xy >= -0.5) & (xy <= limits)).all(axis=1))
+    eyes = np.broadcast_to(shot.row_poses(xy[seen, 1])[:, :3, 3], (int(seen.sum()), 3))
+    reached = first_faces(solids_of(scene, quads=True), eyes, points[seen] - eyes)[1]
+    seen[seen] = np.abs(reached - 1) < _SAME_DEPTH
+    return seen

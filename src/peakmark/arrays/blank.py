@@ -1,0 +1,43 @@
+"""Whether an array's blank corner is bare paper: a marker that was missed, or something in front, looks otherwise."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.arrays.lattice import Cell, Lattice, Markers, expected
+
+TOLERANCE = 0.25
+"""Difference from white, and spread, that bare paper may show, in the contrast of the array's own markers."""
+
+_CELL = np.linspace(-0.5, 0.5, 11)
+_INNER = (np.arange(7) - 3) / 9
+
+
+def is_blank(gray: NDArray[np.uint8], markers: Markers, lattice: Lattice, blank: Cell, pitch: float) -> bool:
+    """Return whether a cell is as bright as the white in and around the lattice's markers, and even.
+
+    Parameters
+    ----------
+    gray
+        (H, W) picture in which the markers were found.
+    markers, lattice
+        The markers, and the array's among them.
+    blank
+        The cell.
+    pitch
+        Distance of neighbouring centres in sides.
+    """
+    printed = _levels(gray, markers, lattice, np.array(list(lattice.cells)), _CELL)
+    black, white = np.percentile(printed, [2, 95])
+    bare = _levels(gray, markers, lattice, np.array([blank]), _INNER / pitch)
+    allowed = TOLERANCE * max(white - black, 1.0)
+    return bool(abs(bare.mean() - white) <= allowed and bare.std() <= allowed)
+
+
+def _levels(
+    gray: NDArray[np.uint8], markers: Markers, lattice: Lattice, cells: NDArray[np.intp], steps: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the grey levels of the pixels nearest to a square grid of points in each of (k, 2) cells."""
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    xy, _ = expected(markers, lattice, (cells[:, None] + grid).reshape(-1, 2))
+    columns, rows = np.clip(np.rint(np.nan_to_num(xy)), 0, np.array(gray.shape[::-1]) - 1).astype(np.intp).T
+    return np.asarray(gray[rows, columns], dtype=np.float64)

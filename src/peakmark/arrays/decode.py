@@ -1,0 +1,251 @@
+"""Super-markers: arrays of light and dark markers that carry a number (paper, Section 4.2, Figures 13 and 15).
+
+Two decoders share one result. `paper` is the paper's: a marker whose two nearest neighbours are similarly far and in
+roughly perpendicular directions makes a cluster, which is read as if upright. `robust` needs no upright camera: it lays
+a lattice through markers of like size, finds the blank corner, reads from there, and leaves the code open where
+something speaks against it.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peakmark.arrays.blank import is_blank
+from peakmark.arrays.lattice import Cell, Lattice, Limits, Markers, expected, lattices, positions
+from peakmark.arrays.paper import decode_upright
+from peakmark.errors import InputError
+from peakmark.identification.detection import Detection
+from peakmark.keypoints.image import as_gray
+from peakmark.markers.array_code import THREE_BIT, Layout, code_of
+
+ORIENTATION_MARGIN = 1.12
+"""Of two ways to lay a lattice through a marker the less square one must be this much less so to be dismissed."""
+
+QUIET_STEPS = 1.2
+"""No other marker of like size may be nearer to an array's cells, the blank one included, in steps of its lattice."""
+
+_OVERLAP = 0.6
+_LIKE_SIZE = 1.6
+
+
+@dataclass(frozen=True)
+class MarkerArray:
+    """An array found in an image."""
+
+    code: int | None
+    """What it says; None where the decoder is unsure."""
+    doubt: str
+    """Why it is unsure, otherwise empty."""
+    detections: tuple[Detection, ...]
+    """Its markers in reading order from the blank corner; in no certain order without a code."""
+    layout: Layout
+    """What was looked for."""
+
+    @property
+    def xy(self) -> NDArray[np.float64]:
+        """(2,) mean of its markers' centres, px."""
+        return np.asarray(np.mean([d.xy for d in self.detections], axis=0))
+
+    @property
+    def steps_px(self) -> NDArray[np.float64]:
+        """(2, 2) px from a marker to the next one in its row, and in its column, as columns; for arrays with a code."""
+        cells = np.column_stack([np.array(self.layout.cells, dtype=np.float64), np.ones(len(self.layout.cells))])
+        return np.asarray(np.linalg.lstsq(cells, np.array([d.xy for d in self.detections]), rcond=None)[0][:2].T)
+
+
+def decode_arrays(
+    detections: Iterable[Detection],
+    layout: Layout = THREE_BIT,
+    *,
+    rule: Literal["robust", "paper"] = "robust",
+    affinity: ArrayLike | None = None,
+    image_size: tuple[int, int] | None = None,
+    image: ArrayLike | None = None,
+) -> tuple[MarkerArray, ...]:
+    """Return the arrays among dark and light markers, those without doubt first, then by code.
+
+    Parameters
+    ----------
+    detections
+        Identified markers of both polarities, in any order.
+    layout
+        What is printed.
+    rule
+        "robust", or "paper" for the baseline, which knows the upright 2×2 array only and always names a code.
+    affinity
+        (n, 2, 2) shapes of refined markers, px per side, up to quarter turns; a row of nan where there is none. None
+        takes those of the detections. With one for every detection, arrays are read up to steep tilts; without, up to
+        about 45°.
+    image_size
+        (width, height) px. With it an array whose blank corner lies outside the image is unsure: a full block of
+        markers that the border cuts looks the same.
+    image
+        The picture itself, grey or RGB, which also tells its size. With it an array whose blank corner is not as bright
+        and even as bare paper is unsure: a full block of markers of which one was missed looks the same.
+
+    Raises
+    ------
+    InputError
+        If the rule is unknown, "paper" is asked for another layout, `affinity` has another shape, or the image is none.
+    """
+    found = tuple(detections)
+    if rule not in ("robust", "paper"):
+        raise InputError(f"rule: expected robust or paper, got {rule!r}")
+    if rule == "paper":
+        if (layout.rows, layout.columns, layout.parity) != (2, 2, False):
+            raise InputError("rule: expected the 2×2 layout without parity for the paper's rule")
+        return tuple(_array(found, order, layout, "") for order in decode_upright(found))
+    seen = _seen(found, affinity)
+    chosen = np.array(distinct(found, seen.sizes), dtype=np.intp)
+    markers = Markers(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen])
+    gray = None if image is None else as_gray(image)
+    size = image_size if gray is None else (gray.shape[1], gray.shape[0])
+    return _decode(tuple(found[i] for i in chosen), markers, layout, size, gray)
+
+
+def _seen(found: Sequence[Detection], affinity: ArrayLike | None) -> Markers:
+    xy = np.array([d.xy for d in found], dtype=np.float64).reshape(-1, 2)
+    shapes = np.array([d.size for d in found], dtype=np.float64).reshape(-1, 1, 1) * np.eye(2)
+    if affinity is None:
+        unknown = np.full((2, 2), np.nan)
+        affinity = np.array([unknown if d.affinity is None else d.affinity for d in found]).reshape(-1, 2, 2)
+    measured = np.asarray(affinity, dtype=np.float64)
+    if measured.shape != shapes.shape:
+        raise InputError(f"affinity: expected {shapes.shape}, got {measured.shape}")
+    known = np.isfinite(measured).all(axis=(1, 2)) & (np.linalg.det(np.nan_to_num(measured)) > 1e-6)
+    return Markers(xy, np.where(known[:, None, None], measured, shapes), known)
+
+
+def distinct(found: Sequence[Detection], sizes: NDArray[np.float64]) -> list[int]:
+    """Return the indices of detections that overlap no stronger one of like size: paper does not."""
+    xy = np.array([d.xy for d in found], dtype=np.float64).reshape(-1, 2)
+    kept: list[int] = []
+    for i in np.argsort([-d.response for d in found], kind="stable"):
+        alike = np.abs(np.log(sizes[kept] / sizes[i])) <= np.log(_LIKE_SIZE)
+        gaps = np.linalg.norm(xy[kept] - xy[i], axis=1)
+        if not (alike & (gaps < _OVERLAP * sizes[kept])).any():
+            kept.append(int(i))
+    return kept
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """One way to read a lattice."""
+
+    order: tuple[int, ...]
+    """Indices of the markers in reading order; of those that are there, if one is missing."""
+    blank: Cell
+    """The blank corner's cell in the lattice."""
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A lattice, and the ways in which the layout fits it: none, or one, more if markers are missing."""
+
+    lattice: Lattice
+    readings: list[_Reading]
+
+    @property
+    def members(self) -> frozenset[int]:
+        return self.lattice.members
+
+    @property
+    def squeeze(self) -> float:
+        return self.lattice.squeeze
+
+
+def _decode(
+    found: Sequence[Detection],
+    seen: Markers,
+    layout: Layout,
+    image_size: tuple[int, int] | None,
+    gray: NDArray[np.uint8] | None,
+) -> tuple[MarkerArray, ...]:
+    if len(found) < 3:
+        return ()
+    everything = [_Candidate(lattice, _readings(lattice, layout)) for lattice in lattices(seen, layout.pitch)]
+    arrays = []
+    for candidate in everything:
+        rivals = [other for other in everything if _is_rival(other, candidate, seen.limits)]
+        if candidate.readings and not any(_is_better(rival, candidate, seen.limits) for rival in rivals):
+            doubt = _rivalry(candidate, rivals) or _doubt(candidate, seen, image_size)
+            if gray is not None and not doubt and not _has_blank(gray, seen, candidate, layout.pitch):
+                doubt = "the blank corner is not blank"
+            arrays.append(_array(found, candidate.readings[0].order, layout, doubt))
+    return tuple(sorted(arrays, key=lambda a: (a.code is None, a.code or 0, tuple(a.xy))))
+
+
+def _is_rival(other: _Candidate, candidate: _Candidate, limits: Limits) -> bool:
+    """Return whether another lattice claims some of the markers; sheared parts of a larger array do not count."""
+    if other is candidate or not other.members & candidate.members:
+        return False
+    if other.squeeze >= max(ORIENTATION_MARGIN * candidate.squeeze, limits.plain_squeeze):
+        return False
+    return bool(other.readings) or not other.members <= candidate.members
+
+
+def _is_better(rival: _Candidate, candidate: _Candidate, limits: Limits) -> bool:
+    """Return whether a rival explains as many markers so much better that the candidate need not be mentioned."""
+    least = max(ORIENTATION_MARGIN * rival.squeeze, limits.plain_squeeze)
+    return candidate.squeeze > least and len(rival.members) >= len(candidate.members)
+
+
+def _rivalry(candidate: _Candidate, rivals: Sequence[_Candidate]) -> str:
+    """Return what rivals say against a candidate; an empty string if nothing."""
+    if any(rival.members == candidate.members for rival in rivals):
+        return "orientation is ambiguous"
+    return "markers fit other blocks as well" if rivals else ""
+
+
+def _readings(lattice: Lattice, layout: Layout) -> list[_Reading]:
+    """Return how a lattice can be read: turned so that an empty corner is the upper left one and the box fits."""
+    columns, rows = lattice.size
+    left, top = np.array(list(lattice.cells)).min(axis=0)
+    at = {(x - int(left), y - int(top)): index for (x, y), index in lattice.cells.items()}
+    back = {(x, y): (x + int(left), y + int(top)) for x in range(columns) for y in range(rows)}
+    readings = []
+    for _ in range(4):
+        if (columns, rows) == (layout.columns, layout.rows) and (0, 0) not in at:
+            order = tuple(at[cell] for cell in layout.cells if cell in at)
+            readings.append(_Reading(order, back[0, 0]))
+        # a quarter turn clockwise
+        at = {(rows - 1 - y, x): index for (x, y), index in at.items()}
+        back = {(rows - 1 - y, x): cell for (x, y), cell in back.items()}
+        columns, rows = rows, columns
+    return readings
+
+
+def _doubt(candidate: _Candidate, seen: Markers, image_size: tuple[int, int] | None) -> str:
+    """Return what speaks against reading a candidate; an empty string if nothing does."""
+    lattice, blank = candidate.lattice, candidate.readings[0].blank
+    if len(lattice.empty) > 1:
+        return "a marker is missing"
+    if _is_crowded(lattice, blank, seen):
+        return "another marker is too near"
+    if image_size is not None:
+        (corner,), _ = expected(seen, lattice, np.array([blank], dtype=np.float64))
+        if not (np.all(corner > -0.5) and np.all(corner < np.array(image_size) - 0.5)):
+            return "the blank corner lies outside the image"
+    return ""
+
+
+def _has_blank(gray: NDArray[np.uint8], seen: Markers, candidate: _Candidate, pitch: float) -> bool:
+    return is_blank(gray, seen, candidate.lattice, candidate.readings[0].blank, pitch)
+
+
+def _is_crowded(lattice: Lattice, blank: Cell, seen: Markers) -> bool:
+    others = np.setdiff1d(np.arange(len(seen.xy)), list(lattice.members))
+    size = np.median(seen.sizes[list(lattice.members)])
+    others = others[np.abs(np.log(seen.sizes[others] / size)) <= np.log(_LIKE_SIZE)]
+    places = positions(seen, lattice)[others]
+    cells = np.array([*lattice.cells, blank])
+    return bool((np.linalg.norm(places[:, None] - cells, axis=2) < QUIET_STEPS).any())
+
+
+def _array(found: Sequence[Detection], order: Sequence[int], layout: Layout, doubt: str) -> MarkerArray:
+    members = tuple(found[i] for i in order)
+    code = None if doubt else code_of([d.polarity for d in members], layout)
+    return MarkerArray(code, doubt or ("" if code is not None else "parity is wrong"), members, layout)

@@ -1,0 +1,246 @@
+"""Markers on a square lattice seen in perspective: frames of three, grown cell by cell.
+
+A frame is a marker with its neighbours along the lattice's two axes, columns and rows, the second a clockwise turn
+from the first as for x and y in a picture: printed paper is never seen mirrored.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+Points = NDArray[np.float64]
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a square of markers may look like."""
+
+    area: float
+    """Factor by which its side, as the root of its area, may differ from what each marker's size tells."""
+    squeeze: float
+    """Ratio of its longest to its shortest side, after undoing the shape that is known."""
+    turn_deg: float
+    """Angle between its sides and those of the markers, up to quarter turns."""
+    plain_squeeze: float
+    """Up to this squeeze one square is as plausible as another."""
+
+
+BY_SIZE = Limits(area=1.35, squeeze=2.0, turn_deg=45.0, plain_squeeze=1.5)
+"""Where only SURF's sizes are known: squares tilted to 60°; those tilted to 48° look like any other."""
+
+BY_SHAPE = Limits(area=1.2, squeeze=1.5, turn_deg=15.0, plain_squeeze=1.0)
+"""Where refined markers tell their shapes."""
+
+SIZE_RATIO = 1.5
+"""Markers of one array differ less in size."""
+
+CELL_RADIUS = 0.3
+"""A marker this near a cell's centre, in steps of the lattice, is in it."""
+
+_NEIGHBOURS = 12
+_TILT_PRIOR = 0.2
+_SIDES: tuple[Cell, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+
+@dataclass(frozen=True)
+class Markers:
+    """Seen markers."""
+
+    xy: Points
+    """(n, 2) centres, px."""
+    shapes: Points
+    """(n, 2, 2) px per side of the pattern, up to a rotation in the marker's plane."""
+    is_measured: NDArray[np.bool_]
+    """(n,) whether the shape was measured; otherwise it is a size times the identity."""
+
+    @cached_property
+    def sizes(self) -> Points:
+        """(n,) root of the area, px."""
+        return np.asarray(np.sqrt(np.abs(np.linalg.det(self.shapes))))
+
+    @cached_property
+    def limits(self) -> Limits:
+        """How precisely squares are known."""
+        return BY_SHAPE if self.is_measured.all() else BY_SIZE
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A marker and its neighbours one step along both axes."""
+
+    origin: int
+    """Index of the marker in cell (0, 0)."""
+    along: int
+    """Index of the marker in cell (1, 0)."""
+    down: int
+    """Index of the marker in cell (0, 1)."""
+    squeeze: float
+    """How far from square: longest over shortest side after undoing the shape that is known; 1 is a square."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Markers in the cells of a lattice."""
+
+    cells: dict[Cell, int]
+    """(column, row) → index of the marker."""
+    squeeze: float
+    """Of the frame that it grew from."""
+
+    @property
+    def members(self) -> frozenset[int]:
+        """Indices of its markers."""
+        return frozenset(self.cells.values())
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of the box around it."""
+        cells = np.array(list(self.cells))
+        columns, rows = np.ptp(cells, axis=0) + 1
+        return int(columns), int(rows)
+
+    @property
+    def empty(self) -> list[Cell]:
+        """Cells of the box without a marker."""
+        columns, rows = self.size
+        left, top = np.array(list(self.cells)).min(axis=0)
+        box = [(int(left) + x, int(top) + y) for y in range(rows) for x in range(columns)]
+        return [cell for cell in box if cell not in self.cells]
+
+
+def frames(markers: Markers, pitch: float) -> list[Frame]:
+    """Return every frame whose sides fit markers of their size at `pitch` sides from one another."""
+    near = neighbours(markers, pitch)
+    triples = np.array([(i, *pair) for i, others in enumerate(near) for pair in combinations(others, 2)], dtype=np.intp)
+    return _fitting(markers, pitch, triples.reshape(-1, 3))
+
+
+def neighbours(markers: Markers, pitch: float) -> list[list[int]]:
+    """Return for each marker the nearest ones of like size that a step of the lattice may reach."""
+    count = min(_NEIGHBOURS + 1, len(markers.xy))
+    gaps, nearest = cKDTree(markers.xy).query(markers.xy, count)
+    longest = pitch * markers.limits.area * np.sqrt(markers.limits.squeeze)
+    longest = longest * np.linalg.norm(markers.shapes, ord=2, axis=(1, 2))
+    sizes = markers.sizes
+    ratio = sizes[nearest] / sizes[:, None]
+    fits = (gaps <= longest[:, None]) & (np.abs(np.log(ratio)) <= np.log(SIZE_RATIO))
+    fits &= nearest != np.arange(len(markers.xy))[:, None]
+    return [[int(j) for j in row[good]] for row, good in zip(nearest, fits, strict=True)]
+
+
+def _fitting(markers: Markers, pitch: float, triples: NDArray[np.intp]) -> list[Frame]:
+    """Return those of (t, 3) markers, the corner first, that are squares within the limits."""
+    limits = markers.limits
+    sides = np.swapaxes(markers.xy[triples[:, 1:]] - markers.xy[triples[:, :1]], 1, 2) / pitch
+    areas = np.linalg.det(sides)
+    mirrored = areas < 0
+    triples = np.where(mirrored[:, None], triples[:, [0, 2, 1]], triples)
+    sides = np.where(mirrored[:, None, None], sides[:, :, ::-1], sides)
+    sizes = np.sqrt(np.abs(areas))[:, None] / markers.sizes[triples]
+    fits = (sizes.min(axis=1) >= 1 / limits.area) & (sizes.max(axis=1) <= limits.area)
+    triples, sides = triples[fits], np.linalg.solve(markers.shapes[triples[fits, 0]], sides[fits])
+    longest, shortest = np.linalg.svd(sides, compute_uv=False).T
+    fits = (longest <= limits.squeeze * shortest) & (_turn_deg(sides) <= limits.turn_deg)
+    squeezes = longest[fits] / shortest[fits]
+    kept = zip(triples[fits].tolist(), squeezes.tolist(), strict=True)
+    return [Frame(origin, along, down, squeeze) for (origin, along, down), squeeze in kept]
+
+
+def _turn_deg(sides: Points) -> Points:
+    """Return (n,) how far (n, 2, 2) sides are from the pattern's own axes, up to quarter turns, degrees 0…45."""
+    angle = np.degrees(np.arctan2(sides[:, 1, 0] - sides[:, 0, 1], sides[:, 0, 0] + sides[:, 1, 1]))
+    return np.asarray(np.abs((angle + 45) % 90 - 45))
+
+
+def lattices(markers: Markers, pitch: float) -> list[Lattice]:
+    """Return every lattice that markers may lie on, the squarest first; they overlap where geometry allows several."""
+    seen: set[tuple[int, int, int]] = set()
+    found = []
+    for frame in sorted(frames(markers, pitch), key=lambda f: f.squeeze):
+        if (frame.origin, frame.along, frame.down) not in seen:
+            found.append(grow(markers, frame))
+            seen |= _frames_of(found[-1])
+    return found
+
+
+def _frames_of(lattice: Lattice) -> set[tuple[int, int, int]]:
+    """Return origin, along and down of all frames of a lattice, in its four orientations."""
+    cells = lattice.cells
+    return {
+        (cells[x, y], cells[x + dx, y + dy], cells[x - dy, y + dx])
+        for x, y in cells
+        for dx, dy in _SIDES
+        if (x + dx, y + dy) in cells and (x - dy, y + dx) in cells
+    }
+
+
+def grow(markers: Markers, frame: Frame) -> Lattice:
+    """Return the lattice of a frame with every marker that continues it."""
+    lattice = Lattice({(0, 0): frame.origin, (1, 0): frame.along, (0, 1): frame.down}, frame.squeeze)
+    while True:
+        new = _next_cells(markers, lattice)
+        if not new:
+            return lattice
+        lattice = Lattice({**lattice.cells, **new}, frame.squeeze)
+
+
+def _next_cells(markers: Markers, lattice: Lattice) -> dict[Cell, int]:
+    """Return the markers in free cells beside those of a lattice."""
+    around = {(x + dx, y + dy) for x, y in lattice.cells for dx, dy in _SIDES} - lattice.cells.keys()
+    centers, inside = expected(markers, lattice, np.array(sorted(around), dtype=np.float64))
+    position = positions(markers, lattice)
+    size = np.median(markers.sizes[list(lattice.members)])
+    alike = np.abs(np.log(markers.sizes / size)) <= np.log(SIZE_RATIO)
+    new: dict[Cell, int] = {}
+    for cell, within in zip(sorted(around), inside & np.isfinite(centers).all(axis=1), strict=True):
+        gaps = np.where(alike, np.linalg.norm(position - cell, axis=1), np.inf)
+        nearest = int(np.argmin(gaps))
+        if within and gaps[nearest] <= CELL_RADIUS and nearest not in lattice.members:
+            new[cell] = nearest
+    return new
+
+
+def expected(markers: Markers, lattice: Lattice, cells: Points) -> tuple[Points, NDArray[np.bool_]]:
+    """Return (k, 2) px where cells (k, 2) are seen, and whether they lie on this side of the horizon."""
+    center, shape, tilt = _fit(markers, lattice)
+    depth = 1 + cells @ tilt
+    return center + cells @ shape.T / np.where(depth > 0, depth, np.nan)[:, None], depth > 0
+
+
+def positions(markers: Markers, lattice: Lattice) -> Points:
+    """Return (n, 2) columns and rows, as fractions, where all markers would lie in the plane of a lattice."""
+    center, shape, tilt = _fit(markers, lattice)
+    d = markers.xy - center
+    matrices = shape - d[:, :, None] * tilt
+    flat = np.abs(np.linalg.det(matrices)) < 1e-9
+    matrices[flat] = np.eye(2)
+    result = np.linalg.solve(matrices, d[:, :, None])[:, :, 0]
+    result[flat | (1 + result @ tilt <= 0)] = np.inf
+    return np.asarray(result)
+
+
+def _fit(markers: Markers, lattice: Lattice) -> tuple[Points, Points, Points]:
+    """Return c, A, g of x = c + A u / (1 + g·u), cells u → px x, by linear least squares.
+
+    A prior of `_TILT_PRIOR` per step holds g at 0 where few or collinear markers do not tell it.
+    """
+    u = np.array(list(lattice.cells), dtype=np.float64)
+    x = markers.xy[list(lattice.cells.values())]
+    origin = x[0]
+    x = x - origin
+    step = float(np.sqrt(np.abs(x).max() ** 2 / max(1.0, np.abs(u - u[0]).max() ** 2)))
+    rows = np.zeros((2 * len(u) + 2, 8))
+    for axis in (0, 1):
+        part = rows[axis * len(u) : (axis + 1) * len(u)]
+        part[:, 3 * axis] = 1
+        part[:, 3 * axis + 1 : 3 * axis + 3] = u
+        part[:, 6:] = -x[:, axis, None] * u
+    rows[-2:, 6:] = np.eye(2) * CELL_RADIUS / 10 * step / _TILT_PRIOR
+    values = np.concatenate([x.T.ravel(), [0.0, 0.0]])
+    fit = np.linalg.lstsq(rows, values, rcond=None)[0]
+    return fit[[0, 3]] + origin, fit[[1, 2, 4, 5]].reshape(2, 2), fit[6:]

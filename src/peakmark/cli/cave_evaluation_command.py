@@ -1,0 +1,69 @@
+"""The command behind `scripts/evaluate_cave.py`: arguments, progress, tables, report."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+from rich.console import Console
+from rich.progress import Progress
+from typer import Option
+
+from peakmark.cli.terminal import print_table
+from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
+from peakmark.experiments.cave.evaluation_figures import figures, headline, recall_by
+from peakmark.experiments.cave.rooms import Split
+from peakmark.report.page import Section, Table, write_report
+from peakmark.report.results import result_folder, write_json
+
+HEAD = ("figure", "value", "low", "high", "of")
+
+
+def evaluate_cave(
+    out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/cave_evaluation"),
+    rooms: Annotated[int, Option(help="Random rooms.")] = EvaluationConfig.rooms,
+    views: Annotated[int, Option(help="Random cameras a room.")] = EvaluationConfig.views,
+    split: Annotated[str, Option(help="held-out, or training to tune on.")] = EvaluationConfig.split,
+    size: Annotated[float, Option(help="Share of the cameras' width and height.")] = EvaluationConfig.size,
+    seed: Annotated[int, Option(help="Seed of rooms, cameras and noise.")] = EvaluationConfig.seed,
+    workers: Annotated[int, Option(help="Processes.")] = 1,
+    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+) -> None:
+    """Read random views (0.5–4 m, tilt to 45°, any roll, noise, blur) of rooms never used for tuning, and score them.
+
+    Writes report.html and result.json, and one file a room into records/: started again with the same arguments, or
+    with more rooms, it goes on where it stopped.
+    """
+    config = EvaluationConfig(rooms, views, cast(Split, split), size, seed)
+    console = Console(quiet=quiet)
+    with Progress(console=console, transient=True, disable=quiet) as progress:
+        task = progress.add_task("render, read, score", total=rooms)
+        records = evaluate(config, out, workers, lambda: progress.update(task, advance=1))
+    result = write_evaluation(config, records, out)
+    print_table(console, f"{split} rooms · seed {seed}", HEAD, headline(result))
+    console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
+
+
+def write_evaluation(config: EvaluationConfig, records: list[dict[str, Any]], out: Path) -> dict[str, Any]:
+    """Write report.html and result.json, and return what the latter holds."""
+    by = {quantity: recall_by(records, quantity) for quantity in ("side_px", "tilt_deg")}
+    result = {**figures(records), "recall_by": by, "config": asdict(config)}
+    lead = (
+        f"{result['views']} random views of {config.rooms} {config.split} rooms, pictures at "
+        f"{config.size:g} of their cameras' width and height, seed {config.seed}. Asked for: "
+        "markers and arrays wholly in view, 20 px or larger, tilted to 45°. Intervals: 95 %."
+    )
+    sections = [Section("Figures", table=Table(HEAD, headline(result)))]
+    sections += [
+        Section(
+            f"All markers fully in view, by {name}",
+            table=Table(
+                ("from", "to", *HEAD[1:], "error p95 (px)"),
+                [(row["low"], row["high"], *row["recall"].values(), row["error_px_p95"]) for row in rows],
+            ),
+        )
+        for name, rows in by.items()
+    ]
+    with result_folder(out) as folder:
+        write_report(folder / "report.html", "SIFT/SURF CAVE: random views", lead, sections)
+        write_json(folder / "result.json", result)
+    return result

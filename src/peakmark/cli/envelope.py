@@ -1,0 +1,105 @@
+"""`peakmark envelope`: how near, how far and how oblique a printed marker is found by a given camera."""
+
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+from peaksim.scene.build import camera as build_camera
+from peaksim.scene.file import read_table
+from rich.console import Console
+from rich.table import Table
+from typer import Option
+
+from peakmark.errors import InputError
+from peakmark.experiments.detectability.envelope import REQUIRED, Rates, Reach, distance_m, load_rates, reach, sentence
+from peakmark.report import plots
+from peakmark.report.results import result_folder, write_json
+
+_OBLIQUE_DEG = 60
+_SIZE_AND_FOCAL = re.compile(r"(\d+)[x×](\d+)@(\d+(?:\.\d+)?)")
+
+
+def envelope(
+    camera: Annotated[str, Option(help="Scene file or name whose camera to take, or WIDTHxHEIGHT@FOCAL_PX.")] = "floor",
+    side_m: Annotated[float, Option(help="Printed side of the marker without border, metres.")] = 0.08,
+    marker: Annotated[str, Option(help="Marker; a light one is found as its dark one is.")] = "surf-dark",
+    detector: Annotated[str, Option(help="surf, surf-paper or sift.")] = "surf",
+    noise: Annotated[float, Option(help="σ of the noise, grey levels: 0 or 10.")] = 0.0,
+    required: Annotated[float, Option(help="Detection rate that the lower end of its interval must reach.")] = REQUIRED,
+    rates: Annotated[Path | None, Option(help="envelope.csv of a run of yours. [default: the shipped one]")] = None,
+    out: Annotated[Path, Option(help="Folder for the map and result.json.")] = Path("out/envelope"),
+    seed: Annotated[int, Option(help="Taken by every command; nothing here is random.")] = 0,
+    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+) -> None:
+    """Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates."""
+    focal_px = focal_length_px(camera)
+    measured = load_rates(marker, detector, noise, rates)
+    reaches = reach(measured, focal_px, side_m, required)
+    title = f"{marker}, {100 * side_m:g} cm, by {detector}; camera {camera}, noise σ {noise:g}"
+    with result_folder(out) as folder:
+        _write_map(folder, title, measured, focal_px, side_m, required)
+        settings = {
+            "camera": camera,
+            "focal_px": focal_px,
+            "side_m": side_m,
+            "marker": marker,
+            "detector": detector,
+            "noise": noise,
+            "required": required,
+        }
+        write_json(folder / "result.json", {"settings": settings, "reach": [asdict(one) for one in reaches]})
+    if not quiet:
+        _print(title, side_m, reaches, out)
+
+
+def focal_length_px(camera: str) -> float:
+    """Return the focal length of "WIDTHxHEIGHT@FOCAL_PX" or of a scene's camera (the mean of its two).
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    if match := _SIZE_AND_FOCAL.fullmatch(camera):
+        return float(match[3])
+    if "@" in camera:
+        raise InputError(f"--camera: expected a scene or WIDTHxHEIGHT@FOCAL_PX such as 2048x1536@1774, got {camera!r}")
+    built = build_camera(read_table(camera)[0].camera)
+    return (built.fx + built.fy) / 2
+
+
+def _write_map(folder: Path, title: str, measured: Rates, focal_px: float, side_m: float, required: float) -> None:
+    figure, ax = plots.new_figure()
+    plots.envelope_map(
+        ax,
+        distance_m(measured.side_px, focal_px, side_m),
+        measured.tilt_deg,
+        measured.detected,
+        measured.detected_low >= required,
+    )
+    ax.set(title=title)
+    for ending in ("png", "svg"):
+        plots.save(figure, folder / f"envelope.{ending}")
+
+
+def _print(title: str, side_m: float, reaches: list[Reach], out: Path) -> None:
+    table = Table(title=title, min_width=len(title))
+    for head in ("tilt", "nearest", "farthest", "misses between"):
+        table.add_column(head, justify="right")
+    for one in reaches:
+        table.add_row(
+            f"{one.tilt_deg:g}°",
+            _metres(one.nearest_m),
+            _metres(one.farthest_m),
+            ", ".join(f"{near:.2f}–{far:.2f} m" for near, far in one.gaps_m),
+        )
+    console = Console()
+    console.print(table)
+    oblique = [one for one in reaches if one.tilt_deg <= _OBLIQUE_DEG][-1:]
+    lines = [*(sentence(side_m, one) for one in oblique), f"Results: {out / 'envelope.png'}"]
+    console.print("\n".join(lines), soft_wrap=True)
+
+
+def _metres(value: Any) -> str:
+    return "–" if value is None else f"{value:.2f} m"

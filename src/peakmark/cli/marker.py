@@ -1,0 +1,78 @@
+"""`peakmark marker`: sheets of markers and 3-bit arrays for print."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from peakmark.errors import InputError
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Polarity
+from peakmark.markers.sheet import Page, Print, Tile, array_tile, marker_tile, pages, paper_size
+from peakmark.markers.sheet_files import write
+from peakmark.report.results import result_folder, write_json
+
+
+def marker(
+    kind: Annotated[str, typer.Argument(help="surf, sift, array (all eight 3-bit arrays) or array-0 … array-7")],
+    out: Annotated[Path, typer.Option(help="directory for the sheet and result.json")] = Path("out/marker"),
+    side_mm: Annotated[float, typer.Option(help="side of one marker without border")] = 80.0,
+    border_mm: Annotated[float, typer.Option(help="white border inside the crop marks")] = 5.0,
+    gap_mm: Annotated[float | None, typer.Option(help="between an array's markers; half a side if absent")] = None,
+    count: Annotated[int, typer.Option(help="how many of each")] = 1,
+    light: Annotated[bool, typer.Option("--light", help="light centre instead of dark")] = False,
+    limit: Annotated[str, typer.Option(help="energy: the paper's grey marker; range: the binary one")] = "energy",
+    format: Annotated[str, typer.Option(help="pdf or svg (vector), png (pixels)")] = "pdf",
+    dpi: Annotated[float, typer.Option(help="dots per inch of a PNG")] = 1200.0,
+    paper: Annotated[str, typer.Option(help="a2 … a5, letter, legal, tabloid or WIDTHxHEIGHT in mm")] = "a4",
+    landscape: Annotated[bool, typer.Option("--landscape", help="turn the page")] = False,
+    label: Annotated[str, typer.Option(help="text for the small print")] = "",
+    seed: Annotated[int, typer.Option(help="accepted by every command; nothing here is random")] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="print nothing")] = False,
+) -> None:
+    """Write a print-ready sheet of markers."""
+    if limit not in ("energy", "range"):
+        raise InputError(f"limit: expected energy or range, got {limit!r}")
+    tiles = sheet_tiles(kind, side_mm, "light" if light else "dark", limit, gap_mm, count)  # type: ignore[arg-type]
+    laid_out = pages(tiles, paper_size(paper, landscape), border_mm, label)
+    name = f"{kind if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"
+    with result_folder(out) as folder:
+        files = [path.name for path in write(laid_out, folder / name, format, dpi)]
+        write_json(folder / "result.json", result(laid_out, files))
+    if not quiet:
+        typer.echo("\n".join(str(out / file) for file in files))
+
+
+def sheet_tiles(
+    kind: str, side_mm: float, polarity: Polarity, limit: Limit, gap_mm: float | None, count: int
+) -> list[Tile]:
+    """Return the tiles that the command's KIND names, each `count` times.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown or `count` is not in 1…1000.
+    """
+    if not 1 <= count <= 1000:
+        raise InputError(f"count: expected 1…1000, got {count}")
+    if kind in ("surf", "sift"):
+        return [marker_tile(Print(kind, side_mm, polarity, limit))] * count
+    codes = {"array": range(8), **{f"array-{code}": range(code, code + 1) for code in range(8)}}
+    if kind not in codes:
+        raise InputError(f"kind: expected surf, sift, array or array-0 … array-7, got {kind!r}")
+    return [array_tile(code, side_mm, gap_mm, limit) for code in codes[kind] for _ in range(count)]
+
+
+def result(laid_out: tuple[Page, ...], files: list[str]) -> dict[str, Any]:
+    """Return what was printed where, as written to result.json."""
+    return {
+        "files": files,
+        "page_mm": [laid_out[0].width_mm, laid_out[0].height_mm],
+        "scale_bar_mm": laid_out[0].scale_bar_mm,
+        "markers": [
+            {"page": number, "center_mm": [place.x_mm, place.y_mm], **asdict(place.marker)}
+            for number, page in enumerate(laid_out, 1)
+            for place in page.markers
+        ],
+    }

@@ -1,0 +1,229 @@
+"""Detectors by name, the user's own included: each is a function (image, **parameters) → Keypoints.
+
+| name | what it is |
+|---|---|
+| surf | ours, OpenCV's key points; parameters as `surf.detect_and_describe` |
+| surf-paper | ours with the marker paper's 4 octaves × 2 layers |
+| surf-opencv | OpenCV's own, if this cv2 was built with OPENCV_ENABLE_NONFREE; the same parameters |
+| sift | OpenCV's SIFT with centred key points; `threshold` is its contrast threshold, plus `layers`, `strongest` |
+| sift-opencv | the same as it comes: key points lie 0.25 px too far right and down |
+| vlfeat | VLFeat's SIFT through pycolmap; the response is its |DoG|, see `peakmark.detectors.vlfeat` |
+| cv2:NAME | any `cv2.Feature2D` that `cv2.NAME_create` makes, such as cv2:ORB; parameters as that function's |
+| module:function | a function of yours that takes the image and any parameters given |
+
+What a detector does wrong is counted by `peakmark.detectors.outcome`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib import import_module
+from inspect import signature
+from operator import attrgetter
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peakmark import surf
+from peakmark.detectors.vlfeat import require_vlfeat, vlfeat_sift
+from peakmark.errors import InputError
+from peakmark.keypoints.image import as_gray
+from peakmark.keypoints.keypoints import Keypoints
+
+Detector = Callable[..., Keypoints]
+
+NAMES = ("surf", "surf-paper", "surf-opencv", "sift", "sift-opencv", "vlfeat")
+"""Detectors with a name of their own."""
+
+
+def find_detector(name: str, describe: bool = True) -> Detector:
+    """Return a detector by name.
+
+    Parameters
+    ----------
+    name : one of `NAMES`, "cv2:NAME", or "module:function" for a function of an importable module. That function gets
+        the image as the caller has it, and returns `Keypoints`, a sequence of `cv2.KeyPoint`, or such a sequence and
+        its descriptors.
+    describe : also describe the key points, where the detector can; the user's own function decides for itself.
+
+    Raises
+    ------
+    InputError
+        If there is no such detector, this OpenCV has no SURF, or pycolmap is missing.
+    """
+    if name.startswith("cv2:"):
+        return partial(opencv_feature, _opencv_maker(name), describe)
+    if ":" in name:
+        return partial(_detect_with, import_function(name))
+    if name not in NAMES:
+        raise InputError(f"detector: expected one of {', '.join(NAMES)}, cv2:NAME or module:function, got {name!r}")
+    if name == "surf-opencv":
+        _require_opencv_surf()
+    if name == "vlfeat":
+        require_vlfeat()
+
+    ours: Detector = surf.detect_and_describe if describe else surf.detect
+    known: dict[str, Detector] = {
+        "surf": ours,
+        "surf-paper": partial(ours, **surf.PAPER),
+        "surf-opencv": opencv_surf,
+        "sift": partial(opencv_sift, describe=describe),
+        "sift-opencv": partial(opencv_sift, describe=describe, centred=False),
+        "vlfeat": partial(vlfeat_sift, describe=describe),
+    }
+    return known[name]
+
+
+def settings_of(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all parameters that a detector works with: those given and its defaults.
+
+    Raises
+    ------
+    InputError
+        If the detector is unknown, or does not take one of the parameters.
+    """
+    try:
+        call = signature(find_detector(name)).bind(None, **parameters)
+    except TypeError as error:
+        raise InputError(f"detector {name}: {error}") from error
+    call.apply_defaults()
+    settings = {**call.arguments, **call.kwargs}
+    return {key: value for key, value in settings.items() if key not in ("image", "kwargs", "parameters")}
+
+
+def has_opencv_surf() -> bool:
+    """Whether this cv2 was built with its own SURF."""
+    cv2 = _opencv()
+    try:
+        cv2.xfeatures2d.SURF_create()
+    except (AttributeError, cv2.error):
+        return False
+    return True
+
+
+def opencv_surf(
+    image: ArrayLike,
+    threshold: float = 100.0,
+    octaves: int = 4,
+    layers: int = 3,
+    extended: bool = False,
+    upright: bool = False,
+    strongest: int | None = None,
+    mask: ArrayLike | None = None,
+) -> Keypoints:
+    """OpenCV's own SURF with our parameters; images above 8.4 megapixels suffer from its 32-bit sums."""
+    detector = _opencv().xfeatures2d.SURF_create(threshold, octaves, layers, extended, upright)
+    chosen = None if mask is None else np.asarray(mask).astype(np.uint8)
+    points, descriptors = detector.detectAndCompute(as_gray(image), chosen)
+    if descriptors is None:
+        descriptors = np.zeros((0, 128 if extended else 64), dtype=np.float32)
+    return Keypoints.from_opencv(points, descriptors)[:strongest]
+
+
+def opencv_sift(
+    image: ArrayLike,
+    threshold: float = 0.04,
+    layers: int = 3,
+    strongest: int | None = None,
+    *,
+    describe: bool = True,
+    centred: bool = True,
+) -> Keypoints:
+    """OpenCV's SIFT, strongest first; `enable_precise_upscale`, as key points are off by a quarter pixel without it."""
+    detector = _opencv().SIFT_create(nOctaveLayers=layers, contrastThreshold=threshold, enable_precise_upscale=centred)
+    return _strongest_first(_run_opencv(detector, as_gray(image), describe, 128))[:strongest]
+
+
+def opencv_feature(make: Callable[..., Any], describe: bool, image: ArrayLike, **parameters: Any) -> Keypoints:
+    """Key points, strongest first, of what `make(**parameters)` gives, a `cv2.Feature2D`; described if it can.
+
+    Raises
+    ------
+    InputError
+        If OpenCV does not take the parameters.
+    """
+    cv2 = _opencv()
+    try:
+        detector = make(**parameters)
+    except (TypeError, cv2.error) as error:
+        raise InputError(f"detector cv2:{make.__name__}: expected its parameters, got {error}") from error
+    length = detector.descriptorSize() if describe else 0
+    return _strongest_first(_run_opencv(detector, as_gray(image), length > 0, length))
+
+
+def _run_opencv(detector: Any, gray: NDArray[np.uint8], describe: bool, length: int) -> Keypoints:
+    if not describe:
+        return Keypoints.from_opencv(detector.detect(gray, None))
+    points, descriptors = detector.detectAndCompute(gray, None)
+    return Keypoints.from_opencv(points, np.zeros((0, length), np.float32) if descriptors is None else descriptors)
+
+
+def _strongest_first(keypoints: Keypoints) -> Keypoints:
+    return keypoints[np.argsort(-np.abs(keypoints.response), kind="stable")]
+
+
+def _opencv() -> Any:
+    """Return cv2, whose type stubs leave out some detectors."""
+    return cv2
+
+
+def _require_opencv_surf() -> None:
+    if not has_opencv_surf():
+        raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
+
+
+def _opencv_maker(name: str) -> Callable[..., Any]:
+    """Return `cv2.NAME_create` of "cv2:NAME"."""
+    cv2 = _opencv()
+    try:
+        make: Callable[..., Any] = attrgetter(f"{name.removeprefix('cv2:')}_create")(cv2)
+        made = make()
+    except AttributeError:
+        made = None
+    except (TypeError, cv2.error) as error:
+        raise InputError(f"detector {name}: expected one that this OpenCV can make, got {error}") from error
+    if not isinstance(made, cv2.Feature2D):
+        raise InputError(f"detector: expected cv2:NAME of a cv2.Feature2D, got {name!r}")
+    return make
+
+
+def import_function(name: str) -> Callable[..., Any]:
+    """Return the function of "module:function".
+
+    Raises
+    ------
+    InputError
+        If it cannot be imported.
+    """
+    module_name, _, function_name = name.partition(":")
+    try:
+        function = getattr(import_module(module_name), function_name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(f"detector {name}: cannot be imported ({error}); is its folder on PYTHONPATH?") from error
+    if not callable(function):
+        raise InputError(f"detector {name}: expected a function, got {type(function).__name__}")
+    return function  # type: ignore[no-any-return]
+
+
+def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters: Any) -> Keypoints:
+    return as_keypoints(function(image, **parameters))
+
+
+def as_keypoints(found: Any) -> Keypoints:
+    """Return what a user's function found as `Keypoints`.
+
+    Raises
+    ------
+    InputError
+        If it is none of the kinds that `find_detector` names.
+    """
+    if isinstance(found, Keypoints):
+        return found
+    if isinstance(found, tuple) and len(found) == 2 and not hasattr(found[0], "pt"):
+        return Keypoints.from_opencv(*found)
+    if isinstance(found, Sequence) and all(hasattr(point, "pt") for point in found):
+        return Keypoints.from_opencv(found)
+    raise InputError(
+        f"detector: expected Keypoints, cv2.KeyPoint objects, or those and descriptors, got {type(found).__name__}"
+    )

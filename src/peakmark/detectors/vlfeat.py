@@ -1,0 +1,109 @@
+"""VLFeat's SIFT, which the marker paper used, through pycolmap; with the signed response that pycolmap leaves out."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peakmark.errors import InputError
+from peakmark.keypoints.image import as_gray
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.patterns import DOG_RATIO
+
+_MAX_KEYPOINTS = 1_000_000
+
+
+def require_vlfeat() -> Any:
+    """Return the module pycolmap.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import pycolmap
+    except ImportError as error:
+        raise InputError("detector vlfeat: expected pycolmap; install it: pip install 'peakmark[vlfeat]'") from error
+    pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value  # else it announces every extractor
+    return pycolmap
+
+
+def vlfeat_sift(
+    image: ArrayLike, threshold: float = 0.02 / 3, strongest: int | None = None, *, describe: bool = True
+) -> Keypoints:
+    """VLFeat's SIFT, strongest first, one orientation a key point.
+
+    Parameters
+    ----------
+    image : as `peakmark.keypoints.image.as_gray`.
+    threshold : smallest |DoG| of a candidate, grey levels 0…1; pycolmap's default.
+    strongest : keep only so many key points.
+    describe : with (n, 128) descriptors.
+
+    Returns
+    -------
+    Keypoints
+        `size` is 2 σ, `response` the |DoG| at the key point and `laplacian` its sign; see `signed_by_dog`.
+
+    Raises
+    ------
+    InputError
+        If pycolmap is not installed.
+    """
+    pycolmap = require_vlfeat()
+    gray = as_gray(image)
+    options = pycolmap.FeatureExtractionOptions()
+    options.use_gpu, options.num_threads, options.max_image_size = False, 1, max(gray.shape)
+    options.sift.max_num_orientations, options.sift.max_num_features = 1, _MAX_KEYPOINTS
+    options.sift.peak_threshold = threshold
+    frames, descriptors = pycolmap.FeatureExtractor.create(options).extract(pycolmap.Bitmap.from_array(gray))
+    # pycolmap's pixel centres are at +0.5
+    xy = np.array([(frame.x - 0.5, frame.y - 0.5) for frame in frames]).reshape(-1, 2)
+    sigma = np.array([frame.compute_scale() for frame in frames])
+    angle = np.degrees([frame.compute_orientation() for frame in frames])
+    vectors = np.asarray(descriptors.data, dtype=np.float32).reshape(-1, 128) if describe else None
+    return signed_by_dog(gray, xy, sigma, angle, vectors)[:strongest]
+
+
+def signed_by_dog(
+    gray: NDArray[np.uint8],
+    xy: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    angle_deg: NDArray[np.float64],
+    descriptors: NDArray[np.float32] | None = None,
+) -> Keypoints:
+    """Return key points at frames (n, 2), σ (n,), strongest first, with |DoG| as response and its sign.
+
+    `laplacian` is +1 where G(2^⅓ σ) − G(σ) is positive: a dark centre, as for SURF.
+    """
+    dog = np.array([dog_response(gray, place, s) for place, s in zip(xy, sigma, strict=True)])
+    columns: dict[str, Any] = {
+        "xy": xy,
+        "size": 2 * sigma,
+        "angle": angle_deg % 360,
+        "response": np.abs(dog),
+        "octave": np.zeros(len(dog)),
+        "laplacian": np.sign(dog),
+        "scale": 2 * sigma,
+        "descriptors": descriptors,
+    }
+    return Keypoints(**columns)[np.argsort(-np.abs(dog), kind="stable")]
+
+
+def dog_response(gray: NDArray[np.uint8], xy: NDArray[np.float64], sigma: float) -> float:
+    """Return the DoG G(2^⅓ σ) − G(σ) of a picture (0…1) at a place in px, edges repeated."""
+    reach = int(np.ceil(4 * DOG_RATIO * sigma))
+    center = np.rint(xy).astype(int)
+    offsets = np.arange(-reach, reach + 1)
+    rows = np.clip(center[1] + offsets, 0, gray.shape[0] - 1)
+    columns = np.clip(center[0] + offsets, 0, gray.shape[1] - 1)
+    window = gray[np.ix_(rows, columns)] / 255.0
+    across, down = (center[k] + offsets - xy[k] for k in (0, 1))
+    wide, narrow = (_normal(down, s) @ window @ _normal(across, s) for s in (DOG_RATIO * sigma, sigma))
+    return float(wide - narrow)
+
+
+def _normal(x: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    weights = np.exp(-(x**2) / (2 * sigma**2))
+    return np.asarray(weights / weights.sum())

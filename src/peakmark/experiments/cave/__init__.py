@@ -1,0 +1,1 @@
+"""The CAVE: a room of posters with marker arrays, its evaluation, training and rivals."""

@@ -1,0 +1,136 @@
+"""Walls of posters dense with markers: how many feature points they give, and how many of them come back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
+from peaksim.camera.sensor import apply_sensor
+from peaksim.geometry.pose import Pose, invert, look_at, transform
+from peaksim.rendering import render
+from peaksim.scene.file import Setup
+from peaksim.scene.scene import Scene
+from scipy.spatial import cKDTree
+
+from peakmark import surf
+from peakmark.errors import InputError
+from peakmark.keypoints.image import as_gray
+from peakmark.keypoints.keypoints import Keypoints
+
+WALLS = ("dark", "light", "mixed")
+"""Names of the dense posters in `scenes/cave.toml`."""
+
+DISTANCE_M = 1.5
+APART_DEG = 30.0
+"""Angle between the two views, half to each side of the wall's normal."""
+
+TOLERANCE_PX = 3.0
+SCALE_RATIO = 1.5
+"""A feature repeats if one of like scale lies within the tolerance of where its point on the wall is seen."""
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The part of a wall that dense posters cover."""
+
+    corners_m: NDArray[np.float64]
+    """(4, 3) its outline."""
+    normal: NDArray[np.float64]
+    """(3,) out of the wall."""
+
+
+def patch_of(scene: Scene, name: str) -> Patch:
+    """Return the box around the copies of a poster.
+
+    Raises
+    ------
+    InputError
+        If the scene has none of that name.
+    """
+    quads = [quad for quad in scene.quads if quad.name.startswith(name) and quad.marks]
+    if not quads:
+        raise InputError(f"--scene: expected posters called {name}01 and so on, found none")
+    frame = quads[0].world_from_quad
+    flat = transform(invert(frame), np.concatenate([quad.corners_m for quad in quads]))
+    (x0, y0, _), (x1, y1, _) = flat.min(axis=0), flat.max(axis=0)
+    corners = np.array([[x0, y1, 0], [x1, y1, 0], [x1, y0, 0], [x0, y0, 0]])
+    return Patch(transform(frame, corners), frame[:3, 2])
+
+
+def two_views(patch: Patch) -> tuple[Pose, Pose]:
+    """Return cameras `DISTANCE_M` from the middle of a patch, `APART_DEG` apart."""
+    middle, half = patch.corners_m.mean(axis=0), np.radians(APART_DEG / 2)
+    aside = np.cross([0.0, 0.0, 1.0], patch.normal)
+    left, right = (
+        look_at(middle + DISTANCE_M * (np.cos(half) * patch.normal + sign * np.sin(half) * aside), middle)
+        for sign in (-1, 1)
+    )
+    return left, right
+
+
+def measure(setup: Setup, name: str, has_posters: bool, threshold: float, seed: int) -> dict[str, Any]:
+    """Return features a megapixel of the patch, and the share that repeats, with or without its posters."""
+    patch = patch_of(setup.scene, name)
+    kept = tuple(quad for quad in setup.scene.quads if has_posters or not quad.marks)
+    scene, camera = replace(setup.scene, quads=kept), setup.camera
+    poses = two_views(patch)
+    found = []
+    for index, pose in enumerate(poses):
+        frame = render(scene, camera, pose, renderer="exact")
+        frame = apply_sensor(frame, setup.sensor, np.random.default_rng((seed, index)))
+        features = surf.detect(as_gray(frame.image), threshold=threshold)
+        found.append(features[_is_inside(camera, pose, patch, features.xy)])
+    megapixels = _area_px(camera, poses[0], patch) / 1e6
+    common, repeated = repeats(camera, poses, patch, found)
+    return {
+        "wall": name,
+        "posters": has_posters,
+        "features": len(found[0]),
+        "features_per_megapixel": len(found[0]) / megapixels,
+        "in_both_views": common,
+        "repeated": repeated,
+        "repeatability": repeated / common if common else None,
+    }
+
+
+def repeats(camera: Camera, poses: tuple[Pose, Pose], patch: Patch, found: Sequence[Keypoints]) -> tuple[int, int]:
+    """Return how many features of the first view lie in the second picture, and how many were found there again."""
+    first, second = found
+    points = on_plane(camera, poses[0], patch, first.xy)
+    xy = camera.project(transform(invert(poses[1]), points))
+    inside = ((xy >= 0) & (xy <= [camera.width - 1, camera.height - 1])).all(axis=1)
+    if len(second) == 0:
+        return int(inside.sum()), 0
+    tree = cKDTree(second.xy)
+    again = sum(
+        bool(np.any(np.abs(np.log(second.scale[near] / scale)) <= np.log(SCALE_RATIO)))
+        for near, scale in zip(tree.query_ball_point(xy[inside], TOLERANCE_PX), first.scale[inside], strict=True)
+        if near
+    )
+    return int(inside.sum()), again
+
+
+def on_plane(camera: Camera, pose: Pose, patch: Patch, xy: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Return the (n, 3) points of the patch's plane that are seen at (n, 2) px."""
+    rays = camera.unproject(xy) @ pose[:3, :3].T
+    reach = ((patch.corners_m[0] - pose[:3, 3]) @ patch.normal) / (rays @ patch.normal)
+    return np.asarray(pose[:3, 3] + reach[:, None] * rays)
+
+
+def _is_inside(camera: Camera, pose: Pose, patch: Patch, xy: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return (n,) whether the points on the wall lie in the patch."""
+    origin, right, down = patch.corners_m[0], patch.corners_m[1], patch.corners_m[3]
+    local = on_plane(camera, pose, patch, xy) - origin
+    shares = np.stack([local @ (end - origin) / ((end - origin) @ (end - origin)) for end in (right, down)])
+    return np.asarray(((shares >= 0) & (shares <= 1)).all(axis=0))
+
+
+def _area_px(camera: Camera, pose: Pose, patch: Patch) -> float:
+    """Return the area of the patch in the picture, what lies outside left out; patches in part outside too."""
+    xy = camera.project(transform(invert(pose), patch.corners_m)).astype(np.float32)
+    frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32) * [camera.width, camera.height] - np.float32(0.5)
+    area, _ = cv2.intersectConvexConvex(xy, frame.astype(np.float32))
+    return float(area)

@@ -1,0 +1,195 @@
+"""The SIFT/SURF CAVE (paper, Section 4.2, Figures 13–15): 3-bit arrays on the walls of a room, read and scored."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.camera.frame import Frame
+from peaksim.camera.sensor import apply_sensor
+from peaksim.rendering import Renderer, render
+from peaksim.scene.file import Setup, load_scene
+from peaksim.scene.scene import Scene
+
+from peakmark.arrays.decode import MarkerArray, decode_arrays
+from peakmark.errors import InputError
+from peakmark.identification.both import Both, examine_both, features_of
+from peakmark.keypoints.image import as_gray
+from peakmark.localise.from_arrays import ArrayPose, Place, pose_from_arrays
+from peakmark.score.arrays import ArrayScore, PrintedArray, printed_arrays, score_arrays
+from peakmark.score.markers import Score, score_frame
+from peakmark.score.poses import pose_error
+from peakmark.score.wanted import READABLE
+
+MOST_FRAMES = 100_000
+
+
+@dataclass(frozen=True)
+class CaveConfig:
+    """What to render."""
+
+    scene: str = "cave"
+    """Scene file, or the name of one that ships with the package."""
+    renderer: Renderer = "exact"
+    """"exact" is several times faster than OpenGL without a GPU here; "gl" or "auto"."""
+    seed: int = 0
+    """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
+    frames: int = 1
+    """Frames along the trajectory; 1 looks from its first pose."""
+
+    def __post_init__(self) -> None:
+        for name, value, fits, expected in (
+            ("seed", self.seed, self.seed >= 0, "0 or more"),
+            ("frames", self.frames, 1 <= self.frames <= MOST_FRAMES, f"1…{MOST_FRAMES}"),
+            ("renderer", self.renderer, self.renderer in ("auto", "gl", "exact"), "auto, gl or exact"),
+        ):
+            if not fits:
+                raise InputError(f"--{name}: expected {expected}, got {value}")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was found in one picture; nothing here knows the truth."""
+
+    found: Both
+    """Features, evidence and markers."""
+    arrays: tuple[MarkerArray, ...]
+    """By the robust decoder."""
+    by_paper: tuple[MarkerArray, ...]
+    """By the paper's rule, which takes the arrays for upright."""
+    pose: ArrayPose | None
+    """The camera's, from all arrays whose code is on the map; None without any."""
+    time_s: dict[str, float]
+    """Seconds for "detect", "identify", "decode" and "localise"."""
+
+
+@dataclass(frozen=True)
+class View:
+    """One frame, what was found in it, and how well."""
+
+    index: int
+    """Frame number from 0."""
+    frame: Frame
+    """After the sensor."""
+    reading: Reading
+    """What was found."""
+    markers: Score
+    """Markers, and the responses of all features, against truth."""
+    arrays: ArrayScore
+    """Against truth."""
+    paper: ArrayScore
+    """The paper's rule against truth."""
+    pose_error: tuple[float, float] | None
+    """Of the camera, mm and degrees; None without a pose."""
+    render_s: float
+    """Seconds for the picture, with truth and sensor."""
+
+    def row(self) -> dict[str, Any]:
+        """Return the plain figures of this frame."""
+        return {
+            "frame": self.index,
+            "time_on_path_s": self.frame.time_s,
+            "features": len(self.reading.found.features),
+            **self.counts(),
+            "codes": [array.code for array in self.reading.arrays if array.code is not None],
+            "missed": [*self.arrays.missed, *self.markers.missed],
+            "pose_mm": None if self.pose_error is None else self.pose_error[0],
+            "pose_deg": None if self.pose_error is None else self.pose_error[1],
+            "pose_is_certain": None if self.reading.pose is None else self.reading.pose.is_certain,
+            "rank_of_last_marker": self.markers.rank_of_last_marker,
+            "response_drop": self.markers.response_drop,
+            "time_s": {"render": self.render_s, **self.reading.time_s},
+        }
+
+    def counts(self) -> dict[str, int]:
+        """Return what can be added up over frames."""
+        return {
+            "markers_in_view": self.markers.wanted,
+            "markers_found": self.markers.found,
+            "false_detections": self.markers.false_detections,
+            "polarity_errors": self.markers.polarity_errors,
+            "polarity_errors_by_signature": self.markers.signature_errors,
+            "arrays_in_view": len(self.arrays.in_view),
+            "arrays_decoded": len(self.arrays.decoded),
+            "wrong_codes": self.arrays.wrong,
+            "unsure": self.arrays.unsure,
+            "arrays_decoded_by_paper": len(self.paper.decoded),
+            "wrong_codes_by_paper": self.paper.wrong,
+        }
+
+
+def places_of(printed: Sequence[PrintedArray]) -> dict[int, Place]:
+    """Return the map code → place; a code that hangs twice is on no map."""
+    codes = [array.code for array in printed]
+    once = [array for array in printed if codes.count(array.code) == 1]
+    return {array.code: Place(array.centers_m, array.axes, array.side_m) for array in once}
+
+
+def read_picture(frame: Frame, places: Mapping[int, Place]) -> Reading:
+    """Find, decode and localise in one picture; of the frame only picture and camera are used."""
+    gray, laps = as_gray(frame.image), [perf_counter()]
+    features = features_of(gray)
+    laps.append(perf_counter())
+    found = examine_both(gray, features)
+    laps.append(perf_counter())
+    arrays = decode_arrays(found.detections, image=gray)
+    laps.append(perf_counter())
+    pose = pose_from_arrays(frame.camera, arrays, places)
+    laps.append(perf_counter())
+    times = dict(zip(("detect", "identify", "decode", "localise"), np.diff(laps).tolist(), strict=True))
+    return Reading(found, arrays, decode_arrays(found.detections, rule="paper"), pose, times)
+
+
+def judged(index: int, frame: Frame, scene: Scene, render_s: float) -> View:
+    """Read a frame and score it against truth."""
+    printed = printed_arrays(scene)
+    reading = read_picture(frame, places_of(printed))
+    camera, pose = frame.camera, frame.world_from_camera
+    return View(
+        index=index,
+        frame=frame,
+        reading=reading,
+        markers=score_frame(frame.truth, reading.found.detections, reading.found.features, READABLE),
+        arrays=score_arrays(printed, frame.truth, reading.arrays, camera, pose),
+        paper=score_arrays(printed, frame.truth, reading.by_paper, camera, pose),
+        pose_error=None if reading.pose is None else pose_error(reading.pose.fit.world_from_camera, pose),
+        render_s=render_s,
+    )
+
+
+def look(setup: Setup, config: CaveConfig, index: int, time_s: float) -> View:
+    """Render, read and score one frame."""
+    start = perf_counter()
+    pose = setup.trajectory.at(time_s)
+    frame = render(setup.scene, setup.camera, pose, renderer=config.renderer, time_s=time_s)
+    frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
+    return judged(index, frame, setup.scene, perf_counter() - start)
+
+
+def walk(setup: Setup, config: CaveConfig) -> Iterator[View]:
+    """Yield the views of the trajectory one by one; nothing is kept between them."""
+    times = setup.trajectory.times_s
+    for index, time_s in enumerate(np.linspace(times[0], times[-1], config.frames)):
+        yield look(setup, config, index, float(time_s))
+
+
+def open_cave(config: CaveConfig) -> Setup:
+    """Load the configuration's scene.
+
+    Raises
+    ------
+    InputError
+        If the scene is faulty or has no array.
+    """
+    setup = load_scene(config.scene)
+    if not printed_arrays(setup.scene):
+        raise InputError(f"--scene {config.scene}: expected posters with 3-bit arrays, found none")
+    return setup
+
+
+def marker_rows(view: View) -> NDArray[np.intp]:
+    """Return the rows of the features that belong to rightly found markers."""
+    found = view.reading.found.detections
+    return np.array(sorted(found[k].rank - 1 for k in view.markers.matches.values()), dtype=np.intp)

@@ -1,0 +1,214 @@
+"""Writes what the CAVE experiment found: pictures, film, tables, report.html and result.json."""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.camera.frame import error_budget
+from PIL import Image
+
+from peakmark.experiments.cave.walk import CaveConfig, View, marker_rows, open_cave, walk
+from peakmark.report import plots
+from peakmark.report.film import filmed
+from peakmark.report.overlay_arrays import box_around, draw_arrays
+from peakmark.report.page import Section, Table, jpeg_uri, svg_uri, write_report
+from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
+from peakmark.score.markers import at_markers
+
+COUNTS = (
+    "markers_in_view",
+    "markers_found",
+    "false_detections",
+    "polarity_errors",
+    "polarity_errors_by_signature",
+    "arrays_in_view",
+    "arrays_decoded",
+    "wrong_codes",
+    "unsure",
+    "arrays_decoded_by_paper",
+    "wrong_codes_by_paper",
+)
+"""Figures of a view that add up over frames."""
+
+_MOST_CUTTINGS = 8
+
+
+def run(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> dict[str, Any]:
+    """Run the experiment, write everything into `out`, and return what `result.json` holds.
+
+    `on_step` is called when the scene is loaded and after each frame.
+
+    Raises
+    ------
+    InputError
+        For a faulty configuration, scene or folder; `out` is then as it was.
+    """
+    start = perf_counter()
+    with result_folder(out) as folder:
+        setup = open_cave(config)
+        load_s = perf_counter() - start
+        on_step()
+        rows: list[dict[str, Any]] = []
+        film = folder / "walk.mp4" if config.frames > 1 else None
+        for view, picture in filmed(walk(setup, config), overlay, film):
+            rows.append(view.row())
+            if view.index == 0:
+                first, figures = view, write_pictures(folder, view, picture)
+            on_step()
+        result = {**summary(rows), "config": asdict(config), "load_s": load_s, "peak_memory_mb": peak_memory_mb()}
+        if config.frames > 1:
+            write_rows(folder / "frames.csv", rows)
+        _write_report(folder, config, first, result, figures)
+        write_json(folder / "result.json", result)
+    return result
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return a frame's figures, or over several the sums of counts and the median of each error."""
+    first = rows[0]
+    medians = {name: _median([row[name] for row in rows]) for name in ("pose_mm", "pose_deg", "response_drop")}
+    return {
+        **{name: sum(row[name] for row in rows) for name in COUNTS},
+        "codes": sorted({code for row in rows for code in row["codes"]}),
+        "missed": [name for row in rows for name in row["missed"]],
+        **medians,
+        "features": int(np.median([row["features"] for row in rows])),
+        "rank_of_last_marker": first["rank_of_last_marker"],
+        "frames": len(rows),
+        "time_s": {stage: _median([row["time_s"][stage] for row in rows]) for stage in first["time_s"]},
+    }
+
+
+def _median(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def overlay(view: View) -> NDArray[np.uint8]:
+    """Return the frame with crosses and decoded numbers (Figure 13)."""
+    truth = {t.name: t.center_xy for t in view.frame.truth}
+    missed = [truth[name] for name in view.markers.missed]
+    return draw_arrays(view.frame.image, view.reading.found.detections, view.reading.arrays, missed)
+
+
+def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> dict[str, str]:
+    """Write frame.png, overlay.png, response_vs_vis.png and polarity.png; return them as data URIs."""
+    # photographs with noise hardly shrink, so the quickest compression serves
+    Image.fromarray(view.frame.image).save(folder / "frame.png", compress_level=1)
+    Image.fromarray(picture).save(folder / "overlay.png", compress_level=1)
+    figures = {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
+    for name, figure in figures.items():
+        plots.save(figure, folder / f"{name}.png")
+    return {"overlay": jpeg_uri(picture), **{name: svg_uri(figure) for name, figure in figures.items()}}
+
+
+def response_figure(view: View) -> Any:
+    """Return Figure 14, without the second key points that overlapping octaves find at the markers."""
+    figure, ax = plots.new_figure()
+    found = view.reading.found
+    is_shown = ~at_markers(view.frame.truth, found.features)
+    is_marker = np.zeros(len(found.features), dtype=bool)
+    is_marker[marker_rows(view)] = True
+    is_shown |= is_marker
+    plots.response_over_vis(ax, found.features.response[is_shown], found.evidence[is_shown, 1], is_marker[is_shown])
+    return figure
+
+
+def polarity_figure(view: View) -> Any:
+    """Return Figure 15: arrays cut out, with the sign of each marker; the whole frame if there is no array."""
+    from matplotlib.figure import Figure
+
+    image, detections = view.frame.image, view.reading.found.detections
+    size = (image.shape[1], image.shape[0])
+    parts = [(_title(a.code), box_around(*_around(a.detections), size)) for a in view.reading.arrays[:_MOST_CUTTINGS]]
+    parts = parts or [("no array", (0, 0, *size))]
+    columns = min(4, len(parts))
+    rows = -(-len(parts) // columns)
+    figure = Figure(figsize=(8, (8 / columns + 0.3) * rows), layout="constrained")
+    xy, sides = np.array([d.xy for d in detections]).reshape(-1, 2), np.array([d.size for d in detections])
+    is_light = np.array([d.polarity == "light" for d in detections], dtype=bool)
+    for k, (title, box) in enumerate(parts):
+        ax = figure.add_subplot(rows, columns, k + 1)
+        plots.polarities(ax, image, box, xy, sides, is_light)
+        ax.set_title(title, fontsize=10)
+    return figure
+
+
+def _title(code: int | None) -> str:
+    return "unsure" if code is None else f"array {code} = {code:03b}"
+
+
+def _around(detections: tuple[Any, ...]) -> tuple[NDArray[np.float64], float]:
+    return np.array([d.xy for d in detections]), 1.5 * float(np.mean([d.size for d in detections]))
+
+
+def _write_report(
+    folder: Path, config: CaveConfig, first: View, result: dict[str, Any], figures: dict[str, str]
+) -> None:
+    lead = (
+        f"{result['arrays_decoded']} of {result['arrays_in_view']} arrays in view decoded, {result['wrong_codes']} "
+        f"wrong codes; {result['markers_found']} of {result['markers_in_view']} markers found among "
+        f"{result['features']:,} features{' a frame' if config.frames > 1 else ''}. Scene “{config.scene}”, renderer "
+        f"{first.frame.renderer}, seed {config.seed}. {error_budget(first.frame.renderer)}. "
+        f"In view: wholly visible, 20 px or larger, tilted to 45°."
+    )
+    sections = [
+        Section("Result", table=Table(("figure", "value"), result_rows(result))),
+        Section(
+            "Figure 13: markers and what the arrays say",
+            image=figures["overlay"],
+            caption="Crosses: markers; outlines: arrays with their number, ? where unsure; red: missed.",
+        ),
+        Section("Figure 14: response and version-independent signature", image=figures["response_vs_vis"]),
+        Section(
+            "Figure 15: sign of the Laplacian",
+            image=figures["polarity"],
+            caption="As the paper counts it: +1 for light, −1 for dark centres.",
+        ),
+        Section("Markers", table=marker_table(first)),
+    ]
+    if config.frames > 1:
+        sections.append(Section("Film and table", links=("walk.mp4", "frames.csv")))
+    write_report(folder / "report.html", "SIFT/SURF CAVE: arrays read and scored", lead, sections)
+
+
+def marker_table(view: View) -> Table:
+    """Return one row a marker: truth beside what was found."""
+    head = ("marker", "side (px)", "distance (m)", "tilt (°)", "found", "error (px)", "polarity", "by signature")
+    words = {True: "right", False: "wrong", None: None}
+    return Table(
+        head,
+        [
+            (
+                m.name,
+                m.side_px,
+                m.distance_m,
+                m.tilt_deg,
+                "yes" if m.is_found else "no",
+                m.error_px,
+                words[m.is_polarity_right],
+                words[m.is_signature_right],
+            )
+            for m in view.markers.markers[:200]
+        ],
+    )
+
+
+def result_rows(result: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Return the headline figures with units, for the report and the terminal."""
+    times = result["time_s"]
+    return [
+        ("features", result["features"]),
+        *((name.replace("_", " "), result[name]) for name in COUNTS),
+        ("codes read", " ".join(map(str, result["codes"])) or None),
+        ("rank of the last marker", result["rank_of_last_marker"]),
+        ("response drop, last marker over strongest clutter", result["response_drop"]),
+        ("camera position error (mm)", result["pose_mm"]),
+        ("camera rotation error (°)", result["pose_deg"]),
+        *((f"{stage} (s)", seconds) for stage, seconds in times.items()),
+        ("peak memory (MB)", result["peak_memory_mb"]),
+    ]

@@ -1,0 +1,1 @@
+"""How far markers are detected: scale, rotation, tilt, noise, blur, compression, light."""

@@ -1,0 +1,291 @@
+"""What is measured: the axes of Section 4.1 and those beside them, as points of one condition each."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.detectors.registry import find_detector
+from peakmark.errors import InputError
+from peakmark.experiments.detectability.conditions import SIFT_SIDES, Condition
+
+SURF_SIDE_PX = 147.0
+"""Side of the SURF marker where it is not the axis (the paper's)."""
+
+SIFT_SIGMA_PX = 15.0
+"""σ of the SIFT marker where it is not the axis (the paper's)."""
+
+SURF_KINDS = ("surf-dark", "surf-range-dark")
+SIFT_KINDS = ("sift-dark", "sift-range-dark")
+"""Markers that are looked at. Light ones give the same key points: the picture's negative has the same extrema."""
+
+PAPER_PX = 513
+"""Side of the paper's pictures."""
+
+MAP_TILTS_DEG = (0.0, 20.0, 40.0, 50.0, 60.0, 70.0)
+MAP_NOISES = (0.0, 10.0)
+MAP_PLACE_PX = 8.0
+"""What the map of sizes × tilts is measured at, and the step of the octaves whose samples the place is random to."""
+
+PAPER_EXPERIMENTS = ("scale", "turn", "tilt", "noise")
+"""What Section 4.1 looks at."""
+
+_SURF_DETECTORS = ("surf-paper", "surf")
+_SIFT_IMAGE_PX = 257
+_WHOLE_TURN_DEG = 180
+_TILTS_DEG = np.array([0, 15, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80], float)
+_NEAR_TILTS_DEG = np.array([0, 15, 25, 30, 35, 45, 55, 65, 75, 80], float)
+
+
+@dataclass(frozen=True)
+class Config:
+    """How much to measure."""
+
+    trials: int = 100
+    """Random phases and turns a point."""
+    every: int = 1
+    """Take each n-th value of every axis; 1 takes all."""
+    seed: int = 0
+    """A drawing's stream derives from (seed, its scenery, the trial), a picture's from (seed, its point, the trial)."""
+    extra: tuple[str, ...] = ()
+    """Further detectors by name, such as "cv2:ORB" or "module:function", that look at every point."""
+    only: tuple[str, ...] = ()
+    """Experiments to run, by name; none is all, or the paper's with `is_paper`."""
+    is_paper: bool = False
+    """One centred view a point, as the paper's figures have it, instead of random ones."""
+
+    def __post_init__(self) -> None:
+        for name, value, low in (("trials", self.trials, 1), ("every", self.every, 1), ("seed", self.seed, 0)):
+            if value < low:
+                raise InputError(f"--{name}: expected {low} or more, got {value}")
+        for name in self.only:
+            if name not in EXPERIMENTS:
+                raise InputError(f"--only: expected some of {', '.join(EXPERIMENTS)}, got {name!r}")
+        for name in self.extra:
+            find_detector(name)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One condition and who looks at it."""
+
+    experiment: str
+    """Name in `EXPERIMENTS`."""
+    x: float
+    """Position on the experiment's axis."""
+    condition: Condition
+    """What is seen."""
+    detectors: tuple[str, ...]
+    """Names of detectors."""
+    series: str = ""
+    """What tells this point's curve from others of the same marker, such as "2 sides away"."""
+
+    @property
+    def name(self) -> str:
+        """Unique among the points of a run; the random stream of its pictures derives from it."""
+        return f"{self.experiment}/{self.condition.marker}/{self.series}/{self.x:g}"
+
+
+def points(config: Config) -> list[Point]:
+    """Return all points of a configuration, experiment by experiment."""
+    names = config.only or (PAPER_EXPERIMENTS if config.is_paper else tuple(EXPERIMENTS))
+    chosen = [point for name in names for point in EXPERIMENTS[name](config.every)]
+    return [
+        replace(
+            point,
+            detectors=tuple(dict.fromkeys((*point.detectors, *config.extra))),
+            condition=_as_the_paper(point.condition) if config.is_paper else point.condition,
+        )
+        for point in chosen
+    ]
+
+
+def _as_the_paper(condition: Condition) -> Condition:
+    return replace(condition, is_centred=True, image_px=PAPER_PX)
+
+
+def undistorted(kind: str) -> Condition:
+    """Return the condition of the paper's size and nothing else; the picture holds the filters next to that size."""
+    if kind.startswith("surf"):
+        return Condition(kind, SURF_SIDE_PX)
+    return Condition(kind, SIFT_SIGMA_PX * SIFT_SIDES, _SIFT_IMAGE_PX)
+
+
+def _markers(kinds: tuple[str, ...] = SURF_KINDS + SIFT_KINDS) -> Iterator[tuple[Condition, tuple[str, ...]]]:
+    """Yield every marker's undistorted condition and its detectors."""
+    for kind in kinds:
+        yield undistorted(kind), _SURF_DETECTORS if kind in SURF_KINDS else ("sift",)
+
+
+def _along(
+    experiment: str,
+    field_name: str,
+    values: NDArray[np.float64],
+    series: str = "",
+    kinds: tuple[str, ...] = SURF_KINDS + SIFT_KINDS,
+    **fixed: Any,
+) -> list[Point]:
+    """Return the points of markers along one field of the condition."""
+    return [
+        Point(experiment, float(x), replace(condition, **fixed, **{field_name: x.item()}), detectors, series)
+        for condition, detectors in _markers(kinds)
+        for x in values
+    ]
+
+
+def _scale(every: int) -> list[Point]:
+    """SURF sides 8…260 px, SIFT σ 1…60 px, binary markers at every other; some are seen by both detectors."""
+    sides = np.unique(np.rint(np.geomspace(8, 260, 54)))[::every]
+    sigmas = np.round(np.geomspace(1, 60, 22), 2)[::every]
+    surf = [
+        Point("scale", float(s), Condition(kind, float(s), _room(s)), _scale_detectors(kind, s))
+        for kind, step in zip(SURF_KINDS, (1, 2), strict=True)
+        for s in sides[::step]
+    ]
+    sift = [
+        Point("scale", float(s), Condition(kind, SIFT_SIDES * s, _room(SIFT_SIDES * s)), ("sift", "surf-paper"))
+        for kind, step in zip(SIFT_KINDS, (1, 2), strict=True)
+        for s in sigmas[::step]
+    ]
+    return surf + sift
+
+
+def _scale_detectors(kind: str, side_px: float) -> tuple[str, ...]:
+    """Return SURF, and SIFT where it is to be seen what the binary SURF marker is to it."""
+    also = ("sift",) if kind == "surf-range-dark" and side_px <= SURF_SIDE_PX else ()
+    return (*_SURF_DETECTORS, *also)
+
+
+def _room(side_px: float) -> int:
+    """Return an odd picture side that holds a marker and the filters next to its size; at most the paper's."""
+    return min(max(129, int(1.4 * side_px) + 24), PAPER_PX) | 1
+
+
+def _bias(every: int) -> list[Point]:
+    """The SIFT detectors beside each other; VLFeat's takes part if it is installed."""
+    names = ("sift", "sift-opencv", *(("vlfeat",) if find_spec("pycolmap") else ()))
+    sigmas = np.array([4.0, 6.0, 9.0, 13.0])[::every]
+    return [
+        Point("bias", float(s), Condition("sift-dark", SIFT_SIDES * s, _room(SIFT_SIDES * s)), names) for s in sigmas
+    ]
+
+
+def _turn(every: int) -> list[Point]:
+    return _along("turn", "turn_deg", np.arange(0.0, _WHOLE_TURN_DEG + 1, 15)[::every])
+
+
+def _tilt(every: int) -> list[Point]:
+    """Out-of-plane rotation, near and far; what perspective magnifies needs the whole picture."""
+    near = [
+        point
+        for distance in (1.0, 2.0, 5.0)
+        for kinds, image_px in ((("surf-dark",), PAPER_PX), (("sift-dark",), 301))
+        for point in _along(
+            "tilt",
+            "tilt_deg",
+            _NEAR_TILTS_DEG[::every],
+            sides_away(distance),
+            kinds,
+            distance_sides=distance,
+            image_px=image_px if distance < 5 else undistorted(kinds[0]).image_px,
+        )
+    ]
+    return near + _along("tilt", "tilt_deg", _TILTS_DEG[::every], sides_away(20.0), distance_sides=20.0)
+
+
+def sides_away(distance: float) -> str:
+    """Return the series of a distance in marker sides."""
+    return f"{distance:g} sides away"
+
+
+def _contrast(every: int) -> list[Point]:
+    values = np.array([1, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1, 0.07, 0.05, 0.03])[::every]
+    plain = _along("contrast", "contrast", values, "uniform")
+    photo = _along("contrast", "contrast", values, "gravel", ("surf-dark",), background="gravel", image_px=PAPER_PX)
+    return [*plain, *photo, *_along("contrast", "contrast", values, "gravel", ("sift-dark",), background="gravel")]
+
+
+def _photographs(every: int) -> list[Point]:
+    """The markers before photographs, by number: 1 gravel, 2 brick, 3 grass."""
+    return [
+        Point("background", float(number), replace(condition, background=name), detectors, name)
+        for number, name in list(enumerate(("gravel", "brick", "grass"), 1))[:: min(every, 3)]
+        for condition, detectors in _markers(("surf-dark", "sift-dark"))
+    ]
+
+
+def _vignetting(every: int) -> list[Point]:
+    """Smaller markers far from the picture's middle, where light falls off."""
+    values = np.array([0, 0.3, 0.6, 0.8, 0.95])[::every]
+    off = {"off_axis_px": 190.0, "image_px": PAPER_PX, "side_px": 60.0}
+    return _along("vignetting", "vignetting", values, "", ("surf-dark", "sift-dark"), **off)
+
+
+def _map(every: int) -> list[Point]:
+    """Sides × tilts from afar, without and with noise: what the operating envelope in metres is read from."""
+    surf_sides = np.rint(np.geomspace(10, 210, 18))[::every]
+    sift_sides = np.rint(np.geomspace(12, 210, 11))[::every]
+    return [
+        Point("map", float(side), _map_condition(kind, float(side), tilt, noise), detectors, map_series(tilt, noise))
+        for kind, detectors, sides in (("surf-dark", _SURF_DETECTORS, surf_sides), ("sift-dark", ("sift",), sift_sides))
+        for tilt in MAP_TILTS_DEG[::every]
+        for side in sides
+        for noise in MAP_NOISES
+    ]
+
+
+def _map_condition(kind: str, side_px: float, tilt_deg: float, noise: float) -> Condition:
+    return Condition(kind, side_px, _room(side_px), tilt_deg=tilt_deg, noise=noise, place_px=MAP_PLACE_PX)
+
+
+def map_series(tilt_deg: float, noise: float) -> str:
+    """Return the series of a tilt and a noise in the map."""
+    return f"tilt {tilt_deg:g}°, noise {noise:g}"
+
+
+def _axis(name: str, every: int) -> list[Point]:
+    field_name, values = _AXES[name]
+    return _along(name, field_name, np.asarray(values, dtype=np.float64)[::every])
+
+
+def _noise(every: int) -> list[Point]:
+    """Noise fills the whole picture, where it competes with the marker."""
+    values = np.arange(0.0, 101, 10)[::every]
+    surf = _along("noise", "noise", values, "", SURF_KINDS, image_px=PAPER_PX)
+    return surf + _along("noise", "noise", values, "", SIFT_KINDS)
+
+
+def _jpeg(every: int) -> list[Point]:
+    qualities = (100, 90, 75, 50, 30, 20, 10, 5, 2)[::every]
+    return [
+        Point("jpeg", float(quality), replace(condition, jpeg_quality=quality), detectors)
+        for condition, detectors in _markers()
+        for quality in qualities
+    ]
+
+
+_AXES: dict[str, tuple[str, tuple[float, ...]]] = {
+    "defocus": ("defocus_px", (0, 2, 4, 6, 9, 12, 16, 20, 25, 30, 40)),
+    "motion": ("motion_px", (0, 5, 10, 15, 20, 30, 40, 50, 60, 80)),
+    "exposure": ("exposure", (0.05, 0.1, 0.2, 0.4, 0.7, 1, 1.4, 2, 3, 4)),
+}
+"""Experiments along one field of the condition: the field and its values."""
+
+EXPERIMENTS: dict[str, Callable[[int], list[Point]]] = {
+    "scale": _scale,
+    "turn": _turn,
+    "tilt": _tilt,
+    "noise": _noise,
+    "bias": _bias,
+    "contrast": _contrast,
+    "jpeg": _jpeg,
+    **{name: partial(_axis, name) for name in _AXES},
+    "vignetting": _vignetting,
+    "background": _photographs,
+    "map": _map,
+}
+"""The experiments by name; each gives its points, of every n-th value."""

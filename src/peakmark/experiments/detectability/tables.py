@@ -1,0 +1,167 @@
+"""What the rows of the detectability run say: the operating envelope, its map, and the range-limited markers' gains."""
+
+from collections.abc import Callable, Sequence
+from itertools import groupby, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.experiments.detectability.envelope import COLUMNS, REQUIRED
+from peakmark.experiments.detectability.points import MAP_NOISES, MAP_TILTS_DEG, sides_away
+from peakmark.experiments.detectability.points import map_series as series_of_map
+from peakmark.experiments.detectability.trials import Row
+from peakmark.report.page import Table
+from peakmark.score.statistics import wilson
+
+PRESETS = {"surf-dark": "surf-paper", "sift-dark": "sift"}
+"""The paper's markers and the detectors that stand for its own."""
+
+SIZE = {"surf": "side", "sift": "σ"}
+"""What the scale axis measures, by family."""
+
+
+def select(rows: Sequence[Row], experiment: str, marker: str, detector: str, series: str = "") -> list[Row]:
+    """Return one curve's rows by rising x."""
+    key = (experiment, marker, detector, series)
+    found = [row for row in rows if (row["experiment"], row["marker"], row["detector"], row["series"]) == key]
+    return sorted(found, key=lambda row: float(row["x"]))
+
+
+def pairs(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """Return the combinations of marker and detector, in order of appearance."""
+    return list(dict.fromkeys((row["marker"], row["detector"]) for row in rows))
+
+
+def passes(row: Row) -> bool:
+    """Say whether the detection rate's lower bound reaches 95 %, or the most that so few trials can show."""
+    return bool(row["detected_low"] >= min(REQUIRED, wilson(row["trials"], row["trials"])[0]))
+
+
+def span(curve: Sequence[Row], is_good: Callable[[Row], bool] = passes) -> tuple[float, float] | None:
+    """Return the smallest and largest x that pass; None if none does."""
+    good = [float(row["x"]) for row in curve if is_good(row)]
+    return (good[0], good[-1]) if good else None
+
+
+def ditches(curve: Sequence[Row], is_good: Callable[[Row], bool] = passes) -> list[tuple[float, float]]:
+    """Return the runs of x, first and last, that fail between the smallest and the largest x that pass."""
+    whole = span(curve, is_good)
+    if whole is None:
+        return []
+    inside = [row for row in curve if whole[0] <= row["x"] <= whole[1]]
+    runs = [list(run) for good, run in groupby(inside, is_good) if not good]
+    return [(run[0]["x"], run[-1]["x"]) for run in runs]
+
+
+def reach(curve: Sequence[Row], rising: bool = True) -> float | None:
+    """Return how far along x all conditions pass, from the mild end on; None if the first one fails."""
+    best = None
+    for row in curve if rising else reversed(curve):
+        if not passes(row):
+            break
+        best = float(row["x"])
+    return best
+
+
+def runs_text(runs: Sequence[tuple[float, float]]) -> str:
+    """Return runs of x as text, "none" without any."""
+    return ", ".join(f"{a:g}" if a == b else f"{a:g}–{b:g}" for a, b in runs) or "none"
+
+
+def envelope_table(rows: Sequence[Row]) -> Table:
+    """Return the operating envelope of every marker and detector: within it, every point `passes`."""
+    head = (
+        "marker",
+        "detector",
+        "side (SURF) or σ (SIFT), px",
+        "ditches at",
+        "tilt up to, °",
+        "noise σ up to",
+        "defocus radius up to, px",
+        "motion up to, px",
+        "JPEG quality down to",
+        "contrast down to",
+        "exposure",
+    )
+    return Table(head, [_envelope_row(rows, *pair) for pair in pairs(rows) if _is_family(*pair)])
+
+
+def _is_family(marker: str, detector: str) -> bool:
+    """Say whether a detector is not just a guest on the other family's marker."""
+    return (marker[:4] == detector[:4] and detector != "sift-opencv") or detector[:4] not in ("surf", "sift", "vlfe")
+
+
+def _envelope_row(rows: Sequence[Row], marker: str, detector: str) -> list[str | float | None]:
+    scale = select(rows, "scale", marker, detector)
+    whole = span(scale)
+    light = span(select(rows, "exposure", marker, detector))
+    return [
+        marker,
+        detector,
+        None if whole is None else f"{whole[0]:g}–{whole[1]:g}",
+        runs_text(ditches(scale)) if whole else None,
+        reach(select(rows, "tilt", marker, detector, sides_away(20))),
+        *(reach(select(rows, name, marker, detector)) for name in ("noise", "defocus", "motion")),
+        reach(select(rows, "jpeg", marker, detector), rising=False),
+        reach(select(rows, "contrast", marker, detector, "uniform"), rising=False),
+        None if light is None else f"×{light[0]:g}–×{light[1]:g}",
+    ]
+
+
+def envelope_lines(rows: Sequence[Row]) -> list[str]:
+    """Return the lines of envelope.csv, head first: the map's rates for the envelope, where it is complete."""
+    lines = [",".join(COLUMNS)]
+    for (marker, detector), noise in product(pairs(rows), MAP_NOISES):
+        found = {t: select(rows, "map", marker, detector, series_of_map(t, noise)) for t in MAP_TILTS_DEG}
+        sides = {tuple(row["x"] for row in curve) for curve in found.values() if curve}
+        if len(sides) == 1:
+            lines += [
+                f"{marker},{detector},{noise:g},{tilt:g},{row['x']:g},{row['detected']:.4g},{row['detected_low']:.4g}"
+                for tilt, curve in found.items()
+                for row in curve
+            ]
+    return lines
+
+
+def gains_table(rows: Sequence[Row]) -> Table:
+    """Return how much stronger the range-limited markers answer than the energy-limited ones, and what a disc costs."""
+    table: list[list[str | float | None]] = []
+    for name, grey, binary, detector in (
+        ("SURF", "surf-dark", "surf-range-dark", "surf-paper"),
+        ("SIFT", "sift-dark", "sift-range-dark", "sift"),
+    ):
+        for experiment in ("scale", "turn"):
+            ratios = gains(rows, experiment, grey, binary, detector)
+            if len(ratios):
+                table.append([name, f"{binary} over {grey}, {experiment}", *np.percentile(ratios, [0, 50, 100])])
+    for text, one, other, detector in (
+        ("surf-range-dark over surf-dark, each at its best size", "surf-range-dark", "surf-dark", "surf-paper"),
+        ("plain disc over surf-range-dark, each at its best size", "sift-range-dark", "surf-range-dark", "surf-paper"),
+        ("plain disc over surf-dark, each at its best size", "sift-range-dark", "surf-dark", "surf-paper"),
+        ("surf-range-dark over plain disc, each at its best size", "surf-range-dark", "sift-range-dark", "sift"),
+    ):
+        ratio = peak_ratio(rows, one, other, detector)
+        if ratio is not None:
+            table.append([detector[:4].upper(), text, None, ratio, None])
+    return Table(("detector", "response of", "least", "median", "most"), table)
+
+
+def gains(rows: Sequence[Row], experiment: str, grey: str, binary: str, detector: str) -> NDArray[np.float64]:
+    """Return the ratios of median responses at the same x, where both markers are detected in every trial."""
+    strength = {row["x"]: row["response"] for row in select(rows, experiment, grey, detector) if row["detected"] == 1}
+    return np.array(
+        [
+            row["response"] / strength[row["x"]]
+            for row in select(rows, experiment, binary, detector)
+            if row["detected"] == 1 and row["x"] in strength
+        ]
+    )
+
+
+def peak_ratio(rows: Sequence[Row], marker: str, other: str, detector: str) -> float | None:
+    """Return one marker's greatest median response over all sizes over another's; None if one is never seen."""
+    best = [
+        max((row["response"] for row in select(rows, "scale", kind, detector) if row["response"]), default=None)
+        for kind in (marker, other)
+    ]
+    return best[0] / best[1] if best[0] and best[1] else None

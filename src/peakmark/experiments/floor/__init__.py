@@ -1,0 +1,1 @@
+"""The lab floor: one frame, flights over it, and flights on floors never tuned for."""

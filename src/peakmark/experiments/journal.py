@@ -1,0 +1,111 @@
+"""What an experiment has finished, on disk, so that an interrupted run resumes where it stopped.
+
+`OUT/journal.jsonl` holds the configuration in its first line and a finished item in each of the others, appended as
+they come; what belongs to an item but is no plain value (the image of a frame, a film) lies in `OUT/journal/`.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+from peakmark.errors import InputError
+
+
+@dataclass(frozen=True)
+class Journal:
+    """The finished items of a run, in memory and on disk."""
+
+    path: Path
+    """journal.jsonl."""
+    records: dict[str, Any] = field(default_factory=dict)
+    """Name of a finished item → its record, plain values."""
+
+    @classmethod
+    def open(cls, out: str | Path, configuration: Mapping[str, Any], is_resumed: bool = True) -> Self:
+        """Read what an earlier run into `out` left, or begin anew where there is nothing, or it is not to be resumed.
+
+        Parameters
+        ----------
+        out
+            Folder; made if missing.
+        configuration
+            Plain values that decide what the records hold.
+        is_resumed
+            False forgets what is there.
+
+        Raises
+        ------
+        InputError
+            If `out` cannot be written, or holds the journal of another configuration.
+        """
+        journal = cls(Path(out) / "journal.jsonl")
+        expected = json.loads(json.dumps(configuration))
+        try:
+            if not is_resumed:
+                journal.remove()
+            journal.path.parent.mkdir(parents=True, exist_ok=True)
+            if not journal.path.exists():
+                journal._append(expected)
+            first, *lines = journal.path.read_text(encoding="utf-8").splitlines() or [""]
+        except OSError as error:
+            raise InputError(
+                f"--out {out}: expected a folder that can be written: {error.strerror or error}"
+            ) from error
+        journal._check(first, expected)
+        for line in lines:
+            journal.records.update(_entry(line))
+        return journal
+
+    def _check(self, first: str, expected: dict[str, Any]) -> None:
+        try:
+            found = json.loads(first)
+        except json.JSONDecodeError as error:
+            raise InputError(f"{self.path}: is damaged, its first line is no configuration: {error}") from error
+        for name, value in expected.items():
+            was = found.get(name) if isinstance(found, dict) else None
+            if was != value:
+                raise InputError(
+                    f"{self.path}: holds a run of another configuration: {name} was {was!r}, is {value!r}; "
+                    "give another --out"
+                )
+
+    def add(self, name: str, record: Any) -> None:
+        """Keep one finished item."""
+        self._append({"item": name, "record": record})
+        self.records[name] = record
+
+    def _append(self, value: Any) -> None:
+        with self.path.open("ab") as file:
+            torn = b"\n" if file.tell() and not _ends_a_line(self.path) else b""
+            file.write(torn + json.dumps(value).encode() + b"\n")
+
+    def file(self, name: str) -> Path:
+        """Return where a file that belongs to an item lies; its folder is there."""
+        folder = self.path.with_suffix("")
+        folder.mkdir(exist_ok=True)
+        return folder / name
+
+    def remove(self) -> None:
+        """Delete what was kept: the results hold it now, or it is not wanted."""
+        self.path.unlink(missing_ok=True)
+        shutil.rmtree(self.path.with_suffix(""), ignore_errors=True)
+        self.records.clear()
+
+
+def _entry(line: str) -> dict[str, Any]:
+    """Return the item of a line; none where a run that was killed while writing left half of one."""
+    try:
+        entry = json.loads(line)
+    except json.JSONDecodeError:
+        return {}
+    return {entry["item"]: entry["record"]} if isinstance(entry, dict) and {"item", "record"} <= entry.keys() else {}
+
+
+def _ends_a_line(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) == b"\n"

@@ -1,0 +1,128 @@
+"""Key points → how much they look like a marker: response, version-independent signature, size (paper, Figure 14).
+
+The paper separates markers by a response threshold and suggests an oblique line, or something nonlinear. A
+`Classifier` is any of them: a chain of affine layers with tanh between them; one layer is a line. The one that ships,
+`classifier.json`, is plain numbers; `scripts/train_classifier.py` makes it again.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.errors import InputError
+
+COLUMNS = ("log_response", "vis_distance", "log_size", "quotient")
+"""What is known of a key point: log₁₀ of the response, VIS distance, log₁₀ of the scale in px, and the response over
+the largest that a picture of the same contrast could give (`identification_joint.quotients`)."""
+
+SHIPPED = Path(__file__).with_name("classifier.json")
+
+_LARGEST_FILE = 1_000_000  # bytes
+
+
+@dataclass(frozen=True)
+class Classifier:
+    """A score of key points, and the operating point from which they count as markers."""
+
+    columns: tuple[str, ...]
+    """Names out of `COLUMNS`."""
+    mean: NDArray[np.float64]
+    """(c,) subtracted from the columns."""
+    scale: NDArray[np.float64]
+    """(c,) by which they are divided then."""
+    layers: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
+    """Weights (inputs, outputs) and offsets (outputs,); the last has one output."""
+    threshold: float
+    """Scores above it are markers."""
+
+    def scores(self, evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (n,) log odds of (n, len(COLUMNS)) evidence."""
+        chosen = [COLUMNS.index(name) for name in self.columns]
+        values = (evidence[:, chosen] - self.mean) / self.scale
+        for weights, offsets in self.layers[:-1]:
+            values = np.tanh(values @ weights + offsets)
+        weights, offsets = self.layers[-1]
+        return np.asarray(values @ weights + offsets)[:, 0]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values."""
+        layers = [{"weights": w.tolist(), "offsets": b.tolist()} for w, b in self.layers]
+        return {
+            "columns": list(self.columns),
+            "mean": self.mean.tolist(),
+            "scale": self.scale.tolist(),
+            "layers": layers,
+            "threshold": self.threshold,
+        }
+
+    @classmethod
+    def from_json(cls, content: Any) -> Self:
+        """Build a classifier from plain values; keys that it does not know are ignored.
+
+        Raises
+        ------
+        InputError
+            If a key is missing, a column unknown, a number not finite, or the shapes do not chain.
+        """
+        try:
+            columns = tuple(str(name) for name in content["columns"])
+            mean, scale = (np.array(content[key], dtype=np.float64) for key in ("mean", "scale"))
+            layers = tuple(
+                (np.array(layer["weights"], dtype=np.float64), np.array(layer["offsets"], dtype=np.float64))
+                for layer in content["layers"]
+            )
+            classifier = cls(columns, mean, scale, layers, float(content["threshold"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"classifier: expected columns, mean, scale, layers and threshold: {error!r}") from error
+        _check(classifier)
+        return classifier
+
+
+def _check(classifier: Classifier) -> None:
+    unknown = [name for name in classifier.columns if name not in COLUMNS]
+    if unknown or not classifier.columns:
+        raise InputError(f"classifier: expected columns out of {', '.join(COLUMNS)}, got {unknown}")
+    width = len(classifier.columns)
+    numbers = [classifier.mean, classifier.scale, np.array(classifier.threshold)]
+    fits = classifier.mean.shape == classifier.scale.shape == (width,)
+    for weights, offsets in classifier.layers:
+        fits = fits and weights.ndim == 2 and weights.shape[0] == width and offsets.shape == weights.shape[1:]
+        numbers += [weights, offsets]
+        width = weights.shape[-1] if weights.ndim else 0
+    if not (fits and width == 1 and classifier.layers):
+        raise InputError("classifier: expected layers whose shapes chain from the columns to one score")
+    if not all(np.isfinite(values).all() for values in numbers) or not (classifier.scale > 0).all():
+        raise InputError("classifier: expected finite numbers and positive scales")
+
+
+def load_classifier(path: str | Path) -> Classifier:
+    """Read a classifier from a JSON file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is larger than 1 MB, or is no classifier.
+    """
+    try:
+        if Path(path).stat().st_size > _LARGEST_FILE:
+            raise InputError(f"{path}: expected a classifier of at most {_LARGEST_FILE} bytes")
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not JSON: {error}") from error
+    try:
+        return Classifier.from_json(content)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+@cache
+def shipped_classifier() -> Classifier:
+    """Return the classifier that comes with the package."""
+    return load_classifier(SHIPPED)

@@ -1,0 +1,90 @@
+"""What identification returns: detections, and everything that was found in one image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Polarity
+
+SIDE_OF_SCALE = 1.09
+"""Side of a marker over its SURF scale, in the median: the filter that answers most is a little smaller."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """An identified marker."""
+
+    id: int
+    """0, 1, … by falling response."""
+    xy: NDArray[np.float64]
+    """(2,) centre in the given image, px, pixel centres at integers; refined where `affinity` is given."""
+    size: float
+    """Side of the pattern in the given image (square root of its area), px."""
+    polarity: Polarity
+    """"dark" or "light" centre."""
+    response: float
+    """Determinant of the Hessian."""
+    signature_distance: float
+    """Euclidean distance from the ideal marker's signature."""
+    rank: int
+    """1-based rank of the feature by response among all features of the image."""
+    affinity: NDArray[np.float64] | None = None
+    """(2, 2) px per side of the pattern's x and y axes at the centre; None where nothing was refined."""
+    explained: float | None = None
+    """Share of the grey levels' variance that the printed pattern explains, 0…1; None where nothing was refined."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Everything found in one image: what the figures of Section 4.2 are drawn from."""
+
+    features: Keypoints
+    """All features, strongest first, in the given (unstretched) image."""
+    signature_distances: NDArray[np.float32]
+    """(n,) of the features from the reference."""
+    detections: tuple[Detection, ...]
+    """The markers, strongest first."""
+
+
+def pattern_name(polarity: Polarity, limit: Limit) -> str:
+    """Return what `peakmark.refine` calls the SURF marker of a polarity and limit."""
+    return f"surf-{polarity}" if limit == "energy" else f"surf-range-{polarity}"
+
+
+def as_detections(
+    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity, rows: NDArray[np.intp]
+) -> list[Detection]:
+    """Return features as detections, in the order given."""
+    return [
+        Detection(
+            number,
+            features.xy[i].astype(np.float64),
+            float(features.scale[i]),
+            polarity,
+            float(features.response[i]),
+            float(distances[i]),
+            int(i) + 1,
+        )
+        for number, i in enumerate(rows)
+    ]
+
+
+def is_polarity(features: Keypoints, polarity: Polarity) -> NDArray[np.bool_]:
+    """Return (n,) whether features have a dark or light centre: OpenCV's class_id is +1 for a dark one."""
+    return np.asarray(features.laplacian == (1 if polarity == "dark" else -1))
+
+
+def merged(features: Keypoints, candidates: NDArray[np.intp], radius: float = 0.6) -> NDArray[np.intp]:
+    """Return the candidates, given strongest first, without those near a stronger one, in sizes of that one.
+
+    A marker answers in more than one octave, and with ghosts of about 16 % of its response around its centre.
+    """
+    kept: list[int] = []
+    for i in candidates:
+        gaps = np.linalg.norm(features.xy[kept] - features.xy[i], axis=1)
+        if (gaps > radius * features.scale[kept]).all():
+            kept.append(int(i))
+    return np.array(kept, dtype=np.intp)

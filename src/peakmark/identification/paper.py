@@ -1,0 +1,36 @@
+"""Key points → markers by the paper's Section 4.2: rank by response, find the drop, compare signatures.
+
+It needs markers in view: without any, or with weak ones beside strong ones, the largest drop is somewhere else.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.identification.detection import is_polarity, merged
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.patterns import Polarity
+
+SIGNATURE_LIMIT = 0.45
+"""Signature distance up to which a feature can be a marker; markers tilted to 75° stay below 0.35."""
+
+SMALLEST_DROP = 1.3
+"""Response ratio between features of neighbouring rank that counts as the drop from markers to clutter."""
+
+RANKED = 1000
+"""How many of the strongest features are searched for the drop."""
+
+
+def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> NDArray[np.intp]:
+    """Return the rows of the markers among all features of an image, which come strongest first."""
+    kept = merged(features, np.arange(min(len(features), RANKED)))
+    kept = kept[: above_drop(features.response[kept])]
+    return kept[is_polarity(features, polarity)[kept] & (distances[kept] <= SIGNATURE_LIMIT)]
+
+
+def above_drop(responses: NDArray[np.float32]) -> int:
+    """Return how many of the falling responses stand above the largest drop; 0 if none is large enough."""
+    if len(responses) < 2:
+        return len(responses)
+    ratios = responses[:-1] / responses[1:]
+    last = int(np.argmax(ratios))
+    return last + 1 if ratios[last] >= SMALLEST_DROP else 0

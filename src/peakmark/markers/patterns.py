@@ -1,0 +1,242 @@
+"""Maximum detector response markers for SIFT and SURF (Schweiger et al. 2009, Section 3), as 8-bit pictures.
+
+Each marker exists under two limits on its picture x. "energy", ‖x‖₂ ≤ 1, is the paper's: the leading
+eigenvector for SURF, the matched filter (a DoG) for SIFT, then stretched to the whole grey range. Print and
+8-bit images limit the "range", |xᵢ| ≤ 1, instead; there the optimum is binary.
+
+**SURF.** With the box filters' outputs Dxx, Dyy, Dxy and any weight w ≥ 0,
+``det = Dxx·Dyy − w·Dxy² ≤ Dxx·Dyy = ((Dxx+Dyy)/2)² − ((Dxx−Dyy)/2)² ≤ ((Dxx+Dyy)/2)²``.
+The last term is the square of one linear filter, (gxx+gyy)/2, so it is at most ‖(gxx+gyy)/2‖₂² under the
+energy limit, met by x ∝ gxx+gyy, and at most ‖(gxx+gyy)/2‖₁² under the range limit, met by x = sign(gxx+gyy)
+(free where gxx+gyy = 0). gxx+gyy does not change when x and y are exchanged, so both pictures have Dxx = Dyy,
+and it is mirror symmetric, so Dxy = 0: every inequality is an equality and both are globally optimal. ∎
+
+**SIFT.** The response is linear, ``w·x`` with w a DoG: at most ‖w‖₂ for x ∝ w, and ‖w‖₁ for x = sign(w),
+which is a disc of the DoG's zero-crossing radius. ∎
+"""
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+from peakmark.errors import InputError
+from peakmark.markers.optimum import Limit, linear_optimum, quadratic_optimum
+
+Polarity = Literal["dark", "light"]
+
+SURF_CELLS = 9
+"""Cells along the side of the SURF marker: the boxes of SURF's filters lie on a 9 × 9 grid."""
+
+DOG_RATIO = 2 ** (1 / 3)
+"""σ ratio of neighbouring Gaussians in a SIFT of three layers an octave."""
+
+DXY_WEIGHT = 0.81
+"""OpenCV's weight of Dxy² in the determinant; the optimum does not depend on it."""
+
+_MAX_SIDE_PX = 16384
+
+
+def surf_marker(side_px: int = 147, polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[np.uint8]:
+    """Return the SURF marker as a (side_px, side_px) picture.
+
+    The 9 × 9 cells are integrated over each pixel, so any `side_px` ≥ 9 keeps centre, symmetry and mean.
+    "energy" has the grey levels 0, 128, 170, 212, 255 (dark), "range" is black and white.
+
+    Raises
+    ------
+    InputError
+        If `side_px` is not an integer in 9…16384, or `polarity` or `limit` is unknown.
+    """
+    side = _side(side_px)
+    share = cell_shares(side, SURF_CELLS)
+    return _uint8(share @ surf_cells(polarity, limit).astype(np.float64) @ share.T)
+
+
+def sift_marker(
+    sigma_px: float = 15.0, side_px: int = 181, polarity: Polarity = "dark", limit: Limit = "energy"
+) -> NDArray[np.uint8]:
+    """Return the SIFT marker as a (side_px, side_px) picture: a DoG, or a disc for the "range" limit.
+
+    `sigma_px` is the inner Gaussian's σ; the DoG is G(2^⅓ σ) − G(σ), integrated over each pixel. The DoG
+    marker's own scale-space maximum lies at σ/√2, the disc's at σ (an energy limit favours smaller filters).
+
+    Raises
+    ------
+    InputError
+        If `sigma_px` is not in 0.5…side_px / 4, `side_px` not an integer in 9…16384, or a choice is unknown.
+    """
+    side = _side(side_px)
+    if not 0.5 <= sigma_px <= side / 4:
+        raise InputError(f"sigma_px: expected 0.5 … side_px / 4 = {side / 4:g}, got {sigma_px}")
+    _choice(polarity, limit)
+    if limit == "energy":
+        picture = _stretched(dog(float(sigma_px), side))
+    else:
+        picture = 255.0 * (1.0 - disc_shares(dog_zero_crossing(sigma_px), side))
+    return _uint8(picture if polarity == "dark" else 255.0 - picture)
+
+
+def surf_cells(polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[np.uint8]:
+    """Return the SURF marker's (9, 9) grey levels, one a cell.
+
+    Under "range" the four 2×2 corners, where gxx + gyy = 0, are free and take the surround's colour.
+    """
+    _choice(polarity, limit)
+    picture = surf_optimum(SURF_CELLS, limit)
+    if limit == "range":
+        picture = np.where(picture < 0, -1.0, 1.0)
+    dark = np.rint(np.round(_stretched(picture), 9)).astype(np.uint8)
+    return dark if polarity == "dark" else 255 - dark
+
+
+def array_polarities(code: int) -> tuple[Polarity, Polarity, Polarity]:
+    """Return the polarities of a 3-bit array's markers, upper right, lower left and lower right.
+
+    The upper left is blank. The topmost marker carries the first (most significant) bit, the leftmost the
+    second and the remaining one the third (Section 4.2); a light marker (Laplacian +1) is a 1.
+
+    Raises
+    ------
+    InputError
+        If `code` is not an integer in 0…7.
+    """
+    if isinstance(code, bool) or code not in range(8):
+        raise InputError(f"code: expected an integer in 0…7, got {code!r}")
+    first, second, third = ("light" if int(code) >> bit & 1 else "dark" for bit in (2, 1, 0))
+    return first, second, third  # type: ignore[return-value]
+
+
+def surf_optimum(kernel_side: int = SURF_CELLS, limit: Limit = "energy") -> NDArray[np.float64]:
+    """Return the optimal picture of SURF's determinant at one kernel side, dark centre, zero mean.
+
+    (kernel_side, kernel_side) float64: the unit leading eigenvector (Section 3.2), or sign(gxx + gyy).
+
+    Raises
+    ------
+    InputError
+        If `kernel_side` is no side of SURF's filters, (9 + 6 l)·2^o.
+    """
+    return quadratic_optimum(surf_filters(kernel_side), surf_form(), limit).x
+
+
+def surf_form(dxy_weight: float = DXY_WEIGHT) -> NDArray[np.float64]:
+    """Return M of ``det = zᵀ M z`` for z = (Dxx, Dyy, Dxy): Section 3.2's ½(G + Gᵀ) in the filters' basis."""
+    return np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -dxy_weight]])
+
+
+def surf_filters(kernel_side: int = SURF_CELLS) -> NDArray[np.float64]:
+    """Return SURF's box filters gxx, gyy, gxy as (3, side, side); each box is divided by its area.
+
+    Boxes are given on the 9-grid and scaled as OpenCV does, round-half-even in float32 (see `surf_optimum`).
+    """
+    _check_kernel_side(kernel_side)
+    edges = np.rint(np.arange(SURF_CELLS + 1, dtype=np.float32) * np.float32(kernel_side / SURF_CELLS)).astype(int)
+    gxx = np.zeros((kernel_side, kernel_side))
+    gxy = np.zeros_like(gxx)
+    for column, weight in zip((0, 3, 6), (1.0, -2.0, 1.0), strict=True):
+        _add_box(gxx, edges[[2, 7]], edges[[column, column + 3]], weight)
+    for row, column, weight in ((1, 1, 1.0), (1, 5, -1.0), (5, 1, -1.0), (5, 5, 1.0)):
+        _add_box(gxy, edges[[row, row + 3]], edges[[column, column + 3]], weight)
+    return np.stack([gxx, gxx.T, gxy])
+
+
+def _add_box(target: NDArray[np.float64], rows: NDArray[np.int_], columns: NDArray[np.int_], weight: float) -> None:
+    box = target[slice(*rows), slice(*columns)]
+    box += weight / box.size
+
+
+def cell_shares(side_px: int, cells: int) -> NDArray[np.float64]:
+    """Return (side_px, cells): the share of each pixel that each of `cells` equal intervals covers."""
+    start = np.arange(side_px)[:, None] * cells / side_px
+    cell = np.arange(cells)[None, :]
+    overlap = np.minimum(start + cells / side_px, cell + 1) - np.maximum(start, cell)
+    return np.asarray(np.maximum(overlap, 0.0) * side_px / cells)
+
+
+def dog(sigma_px: float, side_px: int) -> NDArray[np.float64]:
+    """Return G(2^⅓ σ) − G(σ) integrated over the pixels of a centred (side_px, side_px) square."""
+    return _gaussian(DOG_RATIO * sigma_px, side_px) - _gaussian(sigma_px, side_px)
+
+
+def dog_zero_crossing(sigma_px: float) -> float:
+    """Return the radius where G(kσ) = G(σ), k = 2^⅓: σ·√(4 k² ln k / (k² − 1)) ≈ 1.58 σ."""
+    k2 = DOG_RATIO**2
+    return float(sigma_px * np.sqrt(2 * k2 * np.log(k2) / (k2 - 1)))
+
+
+def sift_optimum(sigma_px: float, side_px: int, limit: Limit = "energy") -> NDArray[np.float64]:
+    """Return the optimal picture of the DoG filter, dark centre, as (side_px, side_px) float64."""
+    return linear_optimum(dog(sigma_px, side_px), limit).x
+
+
+def _gaussian(sigma_px: float, side_px: int) -> NDArray[np.float64]:
+    edges = np.arange(side_px + 1) - side_px / 2
+    line = np.diff(erf(edges / (np.sqrt(2) * sigma_px))) / 2
+    return np.outer(line, line)
+
+
+def disc_shares(radius_px: float, side_px: int) -> NDArray[np.float64]:
+    """Return (side_px, side_px): the share of each pixel that a centred disc covers, exactly."""
+    edges: NDArray[np.float64] = (np.arange(side_px + 1) - side_px / 2) / np.float64(radius_px)
+    area = disc_quadrant(edges[None, :], edges[:, None]) * radius_px**2
+    return np.diff(np.diff(area, axis=0), axis=1)
+
+
+def disc_quadrant(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the area of the unit disc left of x and below y, up to a function of x alone.
+
+    It is ∫ clip(y, −s, s) dt over t in −1…x with s(t) = √(1 − t²); |t| = c is where s = |y|.
+    """
+    x, y = np.clip(x, -1.0, 1.0), np.clip(y, -1.0, 1.0)
+    c = np.sqrt(1 - y**2)
+    caps = _half_disc(np.minimum(x, -c)) + np.pi / 4 + _half_disc(np.maximum(x, c)) - _half_disc(c)
+    return np.asarray(np.sign(y) * caps + y * (np.clip(x, -c, c) + c))
+
+
+def _half_disc(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the antiderivative of √(1 − t²)."""
+    return np.asarray((t * np.sqrt(1 - t**2) + np.arcsin(t)) / 2)
+
+
+def bordered(picture: NDArray[np.uint8], border_px: int, level: int = 255) -> NDArray[np.uint8]:
+    """Return the picture inside a border of `border_px` pixels of one grey level, white unless stated."""
+    return np.pad(picture, border_px, constant_values=level)
+
+
+def surf_texture(
+    polarity: Polarity = "dark", limit: Limit = "energy", cell_px: int = 16, border_cells: int = 1
+) -> NDArray[np.uint8]:
+    """Return a SURF marker with whole pixels a cell in a white border, side (9 + 2 border) · cell_px."""
+    cells = bordered(surf_cells(polarity, limit), border_cells)
+    return np.kron(cells, np.ones((cell_px, cell_px), dtype=np.uint8))
+
+
+def _stretched(picture: NDArray[np.float64]) -> NDArray[np.float64]:
+    low, high = picture.min(), picture.max()
+    return np.asarray(255.0 * (picture - low) / (high - low))
+
+
+def _uint8(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.rint(np.clip(np.round(picture, 9), 0, 255)).astype(np.uint8)
+
+
+def _side(side_px: int) -> int:
+    if isinstance(side_px, bool) or int(side_px) != side_px or not SURF_CELLS <= side_px <= _MAX_SIDE_PX:
+        raise InputError(f"side_px: expected an integer in {SURF_CELLS}…{_MAX_SIDE_PX}, got {side_px!r}")
+    return int(side_px)
+
+
+def _choice(polarity: str, limit: str) -> None:
+    for name, value, choices in (("polarity", polarity, get_args(Polarity)), ("limit", limit, get_args(Limit))):
+        if value not in choices:
+            raise InputError(f"{name}: expected {' or '.join(choices)}, got {value!r}")
+
+
+def _check_kernel_side(side: int) -> None:
+    base = side
+    while base > 0 and base % 2 == 0:
+        base //= 2
+    if base < SURF_CELLS or base % 6 != 3:
+        raise InputError(f"kernel_side: expected a side of SURF's filters, (9 + 6 l)·2^o, got {side}")

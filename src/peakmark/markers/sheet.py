@@ -1,0 +1,292 @@
+"""Markers laid out for print: pages of boxes, discs, DoGs and text in millimetres, from the top left, y down.
+
+`pages` lays tiles out; `sheet_files.write` turns pages into PDF, SVG or PNG. Later items cover earlier ones,
+and areas are drawn over one another rather than edge to edge where they can be, so that viewers show no gaps.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from peakmark.errors import InputError
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Polarity, array_polarities, dog_zero_crossing, surf_cells
+from peakmark.markers.sheet_shapes import Box, Disc, Dog, Item, Text
+
+PAPERS_MM = {
+    "a2": (420.0, 594.0),
+    "a3": (297.0, 420.0),
+    "a4": (210.0, 297.0),
+    "a5": (148.0, 210.0),
+    "letter": (215.9, 279.4),
+    "legal": (215.9, 355.6),
+    "tabloid": (279.4, 431.8),
+}
+"""Width and height of upright pages, millimetres."""
+
+SIFT_SIDE_IN_SIGMA = 12.0
+"""Side of the printed SIFT marker in σ: where its DoG has fallen below 1e-4 of the peak."""
+
+MARGIN_MM = 8.0
+"""Blank border of the page, for printers that cannot reach the edge."""
+
+CROP_MM = (1.0, 4.0)
+"""Crop marks begin and end at these distances from a tile's corner."""
+
+TEXT_MM = 2.2
+"""Height of the small print."""
+
+LINE_MM = 0.15
+"""Width of crop marks and of the scale bar's ticks."""
+
+_GUTTER_MM = 2 * CROP_MM[1] + 1.0
+_FOOTER_MM = 10.0
+_MIN_SIDE_MM = 2.0
+
+
+@dataclass(frozen=True)
+class Print:
+    """One marker as it is to be printed."""
+
+    pattern: str
+    """"surf" or "sift"."""
+    side_mm: float
+    """Side of the pattern without border, millimetres."""
+    polarity: Polarity = "dark"
+    """"dark" or "light" centre."""
+    limit: Limit = "energy"
+    """"energy": the paper's grey marker; "range": the binary one."""
+
+    @property
+    def name(self) -> str:
+        """Such as "surf-dark" or "sift-range-light"."""
+        return "-".join([self.pattern, *(["range"] if self.limit == "range" else []), self.polarity])
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A marker at a place on its tile or page."""
+
+    marker: Print
+    """What is printed."""
+    x_mm: float
+    """Centre."""
+    y_mm: float
+    """Centre."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """What is cut out together: one marker or one array, without the border around it."""
+
+    name: str
+    """Printed below the tile."""
+    side_mm: float
+    """Side of the square that holds it."""
+    markers: tuple[Placed, ...]
+    """Relative to the square's top left."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """One sheet of paper."""
+
+    width_mm: float
+    """Width."""
+    height_mm: float
+    """Height."""
+    scale_bar_mm: float
+    """Length of the scale bar at the bottom."""
+    items: tuple[Item, ...]
+    """What to draw, in order."""
+    markers: tuple[Placed, ...]
+    """Where the markers are on the page."""
+
+
+def marker_tile(marker: Print) -> Tile:
+    """Return the tile of a single marker.
+
+    Raises
+    ------
+    InputError
+        If pattern or side cannot be printed.
+    """
+    _check_print(marker)
+    half = marker.side_mm / 2
+    return Tile(f"{marker.name}, side {marker.side_mm:g} mm", marker.side_mm, (Placed(marker, half, half),))
+
+
+def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Limit = "energy") -> Tile:
+    """Return the 3-bit array `code` of SURF markers, 2 × 2 with the upper left blank (Section 4.2).
+
+    `gap_mm` of white separates the markers, half a side unless stated.
+
+    Raises
+    ------
+    InputError
+        If `code` is not in 0…7, or side or gap cannot be printed.
+    """
+    gap = side_mm / 2 if gap_mm is None else gap_mm
+    if not 0 <= gap < np.inf:
+        raise InputError(f"gap_mm: expected a number ≥ 0, got {gap}")
+    near, far = side_mm / 2, 1.5 * side_mm + gap
+    prints = [Print("surf", side_mm, polarity, limit) for polarity in array_polarities(code)]
+    _check_print(prints[0])
+    places = zip(prints, ((far, near), (near, far), (far, far)), strict=True)
+    markers = tuple(Placed(marker, x, y) for marker, (x, y) in places)
+    return Tile(f"array {code}, marker side {side_mm:g} mm, gap {gap:g} mm", 2 * side_mm + gap, markers)
+
+
+def pages(
+    tiles: Sequence[Tile], paper_mm: tuple[float, float], border_mm: float = 5.0, label: str = ""
+) -> tuple[Page, ...]:
+    """Lay tiles of equal size out on as few pages as needed, row by row, with crop marks and a scale bar.
+
+    Parameters
+    ----------
+    tiles
+        What to print; all must have the same side.
+    paper_mm
+        Width and height of the page.
+    border_mm
+        White border around each tile, inside the crop marks.
+    label
+        Printed at the bottom of every page, after the name of the sheet.
+
+    Raises
+    ------
+    InputError
+        If a tile with its border does not fit the page, or the label is not printable Latin-1.
+    """
+    if not 0 <= border_mm < np.inf:
+        raise InputError(f"border_mm: expected a number ≥ 0, got {border_mm}")
+    label = printable(label)
+    side = max(tile.side_mm for tile in tiles)
+    columns, rows = _capacity(side + 2 * border_mm, paper_mm, tiles[0].name)
+    size = columns * rows
+    groups = [tiles[first : first + size] for first in range(0, len(tiles), size)]
+    return tuple(_page(group, columns, paper_mm, border_mm, label) for group in groups)
+
+
+def _capacity(cut_mm: float, paper_mm: tuple[float, float], name: str) -> tuple[int, int]:
+    """Return how many columns and rows of squares of `cut_mm`, with gutters, fit the page."""
+    room = np.array(paper_mm) - 2 * MARGIN_MM - [0, _FOOTER_MM] - _GUTTER_MM
+    columns, rows = (int(n) for n in np.floor((room + _GUTTER_MM + 1e-9) / (cut_mm + _GUTTER_MM)))
+    if columns < 1 or rows < 1:
+        width, height = paper_mm
+        raise InputError(
+            f"{name}: expected at most {room.min():.4g} mm with its border on a page of "
+            f"{width:g} × {height:g} mm, got {cut_mm:.4g} mm"
+        )
+    return columns, rows
+
+
+def _page(tiles: Sequence[Tile], columns: int, paper_mm: tuple[float, float], border_mm: float, label: str) -> Page:
+    width, height = paper_mm
+    cut = tiles[0].side_mm + 2 * border_mm
+    pitch = cut + _GUTTER_MM
+    used = min(columns, len(tiles)) * pitch - _GUTTER_MM
+    left, top = (width - used) / 2, MARGIN_MM + CROP_MM[1]
+    items: list[Item] = []
+    placed: list[Placed] = []
+    for number, tile in enumerate(tiles):
+        x, y = left + number % columns * pitch, top + number // columns * pitch
+        items += [*_crop_marks(x, y, cut), Text(x + CROP_MM[0], y + cut + CROP_MM[1] - 0.5, TEXT_MM, tile.name)]
+        placed += [Placed(m.marker, x + border_mm + m.x_mm, y + border_mm + m.y_mm) for m in tile.markers]
+    for place in placed:
+        items += marker_items(place)
+    bar = 100.0 if width >= 140 else 50.0
+    items += _scale_bar(bar, height - MARGIN_MM, width, label)
+    return Page(width, height, bar, tuple(items), tuple(placed))
+
+
+def marker_items(place: Placed) -> tuple[Item, ...]:
+    """Return what draws one marker."""
+    marker, x, y = place.marker, place.x_mm, place.y_mm
+    if marker.pattern == "surf":
+        return tuple(_surf_boxes(place))
+    sigma = marker.side_mm / SIFT_SIDE_IN_SIGMA
+    if marker.limit == "energy":
+        return (Dog(x, y, marker.side_mm, sigma, marker.polarity),)
+    center, surround = (0.0, 255.0) if marker.polarity == "dark" else (255.0, 0.0)
+    square = Box(x - marker.side_mm / 2, y - marker.side_mm / 2, marker.side_mm, marker.side_mm, surround)
+    return (square, Disc(x, y, dog_zero_crossing(sigma), center))
+
+
+def _surf_boxes(place: Placed) -> Iterator[Box]:
+    """Yield the SURF marker as boxes that cover one another: square, cross, inner corners, plus, centre."""
+    levels = surf_cells(place.marker.polarity, place.marker.limit)
+    cell = place.marker.side_mm / len(levels)
+    left, top = place.x_mm - place.marker.side_mm / 2, place.y_mm - place.marker.side_mm / 2
+    corners = [(r, r + 1, c, c + 1) for r in (2, 6) for c in (2, 6)]
+    cross = [(0, 9, 2, 7), (2, 7, 0, 9)]
+    plus = [(2, 7, 3, 6), (3, 6, 2, 7)]
+    for row, row_end, column, column_end in [(0, 9, 0, 9), *cross, *corners, *plus, (3, 6, 3, 6)]:
+        yield Box(
+            left + column * cell,
+            top + row * cell,
+            (column_end - column) * cell,
+            (row_end - row) * cell,
+            float(levels[row, column]),
+        )
+
+
+def _crop_marks(x: float, y: float, cut: float) -> Iterator[Box]:
+    begin, end = CROP_MM
+    for edge in (0.0, cut):
+        for outside in (-end, cut + begin):
+            yield Box(x + edge - LINE_MM / 2, y + outside, LINE_MM, end - begin, 0.0)
+            yield Box(x + outside, y + edge - LINE_MM / 2, end - begin, LINE_MM, 0.0)
+
+
+def _scale_bar(length: float, bottom: float, page_width: float, label: str) -> Iterator[Item]:
+    """Yield a bar whose ticks' centres are `length` apart, and the small print after it."""
+    y = bottom - TEXT_MM - 2.0
+    yield Box(MARGIN_MM, y - LINE_MM / 2, length, LINE_MM, 0.0)
+    for x in (MARGIN_MM, MARGIN_MM + length):
+        yield Box(x - LINE_MM / 2, y - 1.5, LINE_MM, 3.0, 0.0)
+    note = f"{length:g} mm between the ticks if printed at 100 %"
+    yield Text(MARGIN_MM, bottom, TEXT_MM, "   ".join(filter(None, [note, "peakmark", label])))
+
+
+def paper_size(name: str, landscape: bool = False) -> tuple[float, float]:
+    """Return width and height in mm of a named paper ("a4") or of "WIDTHxHEIGHT" in mm.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown or a side is not in 50…2000 mm.
+    """
+    if name.lower() in PAPERS_MM:
+        size = PAPERS_MM[name.lower()]
+    else:
+        try:
+            width, height = (float(side) for side in name.lower().split("x"))
+        except ValueError:
+            known = ", ".join(PAPERS_MM)
+            raise InputError(f"paper: expected {known} or WIDTHxHEIGHT in mm, got {name!r}") from None
+        size = (width, height)
+    if not all(50 <= side <= 2000 for side in size):
+        raise InputError(f"paper: expected sides of 50…2000 mm, got {size[0]:g} × {size[1]:g} mm")
+    return size[::-1] if landscape else size
+
+
+def printable(text: str) -> str:
+    """Return `text` if the small print can show it.
+
+    Raises
+    ------
+    InputError
+        If it is longer than 80 characters or has any that are not printable Latin-1.
+    """
+    if len(text) > 80 or not text.isprintable() or any(ord(character) > 255 for character in text):
+        raise InputError(f"label: expected at most 80 printable Latin-1 characters, got {text[:90]!r}")
+    return text
+
+
+def _check_print(marker: Print) -> None:
+    if marker.pattern not in ("surf", "sift"):
+        raise InputError(f"marker: expected surf or sift, got {marker.pattern!r}")
+    if not _MIN_SIDE_MM <= marker.side_mm <= 2000:
+        raise InputError(f"side_mm: expected {_MIN_SIDE_MM:g}…2000 mm, got {marker.side_mm}")

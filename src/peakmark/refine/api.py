@@ -1,0 +1,203 @@
+"""Where exactly an identified marker is: sub-pixel centre and affinity, by aligning the known pattern.
+
+A detector's position follows its octave's step, up to about a pixel off; here the printed pattern itself, seen
+through pixel squares, blur and a homography (see `refine_model`), is fitted to the picture's grey levels.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peakmark.errors import InputError
+from peakmark.markers.patterns import surf_cells
+from peakmark.parallel import map_parallel
+from peakmark.refine.align import align, shape_grid
+from peakmark.refine.model import PARAMETERS, Pattern, predict
+
+PATTERNS = ("surf-dark", "surf-light", "surf-range-dark", "surf-range-light")
+"""Patterns that `refine` knows: those that are piecewise constant on a grid."""
+
+_MIN_EXPLAINED = 0.5
+_MAX_SHIFT = 0.35
+_SIZE_RATIO = 2.0
+_TEMPLATE_BLUR = 0.05**2
+_LIMIT_PX = 2000.0
+_FLOOR_PX = 0.003
+_DITHER = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Refined markers as columns, in the order given."""
+
+    xy: NDArray[np.float64]
+    """(n, 2) centre, px; where not converged, the position that was given."""
+    affine: NDArray[np.float64]
+    """(n, 2, 2) px per side at the centre; the pattern's x and y axes (x right, y down), turned by the multiple
+    of 90° that brings the first nearest to the image's x axis; nan where not converged."""
+    perspective: NDArray[np.float64]
+    """(n, 2) g of ``x = c + A u / (1 + g·u)``, per side, u = (0, 0) at the pattern's centre and ±½ at its edges."""
+    covariance: NDArray[np.float64]
+    """(n, 6, 6) of (x, y, a11, a12, a21, a22), px²; nan where not converged. From the residuals themselves; below
+    half a grey level of noise, where rounding errs alike along an edge, (0.003 px)² is added."""
+    gain: NDArray[np.float64]
+    """(n,) grey levels between the pattern's black and white."""
+    offset: NDArray[np.float64]
+    """(n,) grey level of its black."""
+    blur_px: NDArray[np.float64]
+    """(n,) σ of the blur beyond the pixels' own squares."""
+    noise: NDArray[np.float64]
+    """(n,) root mean square of the residuals, grey levels."""
+    explained: NDArray[np.float64]
+    """(n,) share of the grey levels' variance that the pattern explains, 0…1."""
+    converged: NDArray[np.bool_]
+    """(n,) whether a marker was found and its fit converged."""
+
+    @property
+    def side_px(self) -> NDArray[np.float64]:
+        """(n,) square root of the affinity's area; nan where not converged."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.sqrt(np.abs(np.linalg.det(self.affine))))
+
+    def corners(self) -> NDArray[np.float64]:
+        """Return (n, 4, 2) the pattern's corners in the image, from its top left clockwise, px."""
+        u = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+        depth = 1 + self.perspective @ u.T
+        return np.asarray(self.xy[:, None] + np.einsum("nij,kj->nki", self.affine, u) / depth[:, :, None])
+
+
+def refine(
+    gray: NDArray[np.uint8],
+    xy: ArrayLike,
+    size: ArrayLike,
+    pattern: str = "surf-dark",
+    border: float = 0.0,
+    focal_px: float | None = None,
+) -> Refined:
+    """Align a known pattern with the picture near each given place.
+
+    Parameters
+    ----------
+    gray
+        (H, W) uint8 picture.
+    xy
+        (n, 2) places, px, within about a tenth of a side of the centres.
+    size
+        (n,) or one: square roots of the patterns' areas in the image, px, within about 30 %.
+    pattern
+        One of `PATTERNS`.
+    border
+        Width of white around the pattern that may be relied on, in sides; 0 looks at the pattern alone, so
+        that anything may surround it.
+    focal_px
+        Focal length, px, which bounds how strong perspective can be; the picture's longer side unless given.
+
+    Returns
+    -------
+    Refined
+        Where no marker is found near, `converged` is False. No places give empty columns.
+
+    Raises
+    ------
+    InputError
+        If an argument has the wrong shape or range, or the pattern is unknown.
+    """
+    gray, places, sizes = _checked(gray, xy, size)
+    model = _pattern(pattern, border)
+    focal = float(max(gray.shape) if focal_px is None else focal_px)
+    if not focal > 0:
+        raise InputError(f"focal_px: expected a positive number, got {focal_px}")
+    extra = (model.lines, model.levels, model.extent, focal, *_template(pattern, border), shape_grid())
+    fits = map_parallel(lambda k: align(gray, places[k], sizes[k], *extra), range(len(places)))
+    theta = np.array([fit[0] for fit in fits]).reshape(-1, PARAMETERS)
+    covariance = np.array([fit[1] for fit in fits]).reshape(-1, PARAMETERS, PARAMETERS)
+    noise, converged = (np.array([fit[k] for fit in fits]) for k in (2, 3))
+    return _refined(theta, covariance, noise, converged.astype(bool), places, sizes, float(model.levels.var()))
+
+
+def _refined(
+    theta: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    converged: NDArray[np.bool_],
+    places: NDArray[np.float64],
+    sizes: NDArray[np.float64],
+    level_variance: float,
+) -> Refined:
+    """Gather fits into columns, and take back those that wandered off or explain too little."""
+    affine = theta[:, 2:6].reshape(-1, 2, 2)
+    signal = theta[:, 8] ** 2 * level_variance
+    explained = signal / np.maximum(signal + noise, 1e-12)
+    with np.errstate(invalid="ignore"):  # a fit that diverged is nan, and not kept
+        ratio = np.sqrt(np.maximum(np.linalg.det(affine), 0.0)) / sizes
+    shift = np.linalg.norm(theta[:, :2] - places, axis=1) / sizes
+    converged = converged & (theta[:, 8] > 0) & (explained > _MIN_EXPLAINED) & (shift < _MAX_SHIFT)
+    converged = converged & (ratio < _SIZE_RATIO) & (ratio > 1 / _SIZE_RATIO)
+    turn = _upright_turn(affine)
+    keep = converged[:, None]
+    linear = np.zeros((len(theta), 6, 6))
+    linear[:, :2, :2] = np.eye(2)
+    linear[:, 2:4, 2:4] = linear[:, 4:6, 4:6] = turn.transpose(0, 2, 1)
+    spread = linear @ covariance[:, :6, :6] @ linear.transpose(0, 2, 1)
+    spread += np.where(noise < _DITHER**2, _FLOOR_PX**2, 0.0)[:, None, None] * np.eye(6)
+    return Refined(
+        xy=np.where(keep, theta[:, :2], places),
+        affine=np.where(keep[:, None], affine @ turn, np.nan),
+        perspective=np.where(keep, np.einsum("nji,nj->ni", turn, theta[:, 6:8]), np.nan),
+        covariance=np.where(keep[:, None], spread, np.nan),
+        gain=np.where(converged, theta[:, 8], np.nan),
+        offset=np.where(converged, theta[:, 9], np.nan),
+        blur_px=np.where(converged, np.sqrt(np.abs(theta[:, 10])), np.nan),
+        noise=np.sqrt(noise),
+        explained=np.where(converged, explained, 0.0),
+        converged=converged,
+    )
+
+
+def _upright_turn(affine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, 2, 2) quarter turns R for which A R is turned by at most 45°."""
+    angle = np.arctan2(affine[:, 1, 0] - affine[:, 0, 1], affine[:, 0, 0] + affine[:, 1, 1])
+    quarters = -np.rint(angle / (np.pi / 2))
+    c, s = np.rint(np.cos(quarters * np.pi / 2)), np.rint(np.sin(quarters * np.pi / 2))
+    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+
+
+@cache
+def _pattern(name: str, border: float) -> Pattern:
+    """Return a SURF marker by name, on lines only where levels change, on white."""
+    if name not in PATTERNS:
+        raise InputError(f"pattern: expected one of {', '.join(PATTERNS)}, got {name!r}")
+    if not 0 <= border <= 1:
+        raise InputError(f"border: expected 0…1 sides, got {border}")
+    cells = surf_cells("light" if name.endswith("light") else "dark", "range" if "range" in name else "energy")
+    framed = np.pad(cells / 255.0, 1, constant_values=1.0)
+    starts = np.flatnonzero(np.r_[True, (framed[1:] != framed[:-1]).any(axis=1)])
+    return Pattern((starts[1:] - 1) / len(cells) - 0.5, framed[np.ix_(starts, starts)], 0.5 + border)
+
+
+@cache
+def _template(name: str, border: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (m, 2) points over the pattern and its softened levels there, of mean 0."""
+    line = (np.arange(9) - 4) / 9 * 0.95
+    samples = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    unit = np.zeros(PARAMETERS)
+    unit[[2, 5, 8]], unit[10] = 1.0, _TEMPLATE_BLUR
+    levels = predict(unit, samples, _pattern(name, border))
+    return samples, levels - levels.mean()
+
+
+def _checked(
+    gray: NDArray[np.uint8], xy: ArrayLike, size: ArrayLike
+) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.float64]]:
+    picture = np.ascontiguousarray(gray)
+    if picture.ndim != 2 or picture.dtype != np.uint8:
+        raise InputError(f"gray: expected (H, W) uint8, got shape {picture.shape} of {picture.dtype}")
+    places = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+    sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), len(places))
+    if not np.isfinite(places).all():
+        raise InputError("xy: expected finite positions, got nan or inf")
+    if not ((sizes >= 2) & (sizes <= _LIMIT_PX)).all():
+        raise InputError(f"size: expected 2…{_LIMIT_PX:g} px, got {sizes.min():g}…{sizes.max():g}")
+    return picture, places, sizes

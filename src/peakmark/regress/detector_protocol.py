@@ -1,0 +1,148 @@
+"""How a finder in another process is spoken to: one line of JSON for each image, one for each answer.
+
+To the program, on its standard input::
+
+    {"frame": 12, "image": "/path/to/00000012.png", "width": 640, "height": 480}
+
+From the program, on its standard output, before the time limit::
+
+    {"frame": 12, "detections": [{"x": 310.2, "y": 88.0, "size": 24.0, "response": 8800.0, "polarity": "dark"}, …]}
+    {"frame": 12, "keypoints": [{"x": 310.2, "y": 88.0, "size": 24.0, "response": 8800.0}, …]}
+    {"frame": 12, "error": "one line"}
+
+`detections` are what the program takes for markers, `keypoints` all features, of which it does not say which are
+markers; an answer may have both. x and y are in pixels with centres at integers; all other fields may be missing.
+The image is a grey PNG and may be deleted after the answer. The program ends when its input does.
+"""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from peakmark.identification.detection import Detection
+from peakmark.keypoints.keypoints import Keypoints
+
+MOST_POINTS = 1_000_000
+"""An answer with more is refused."""
+
+
+class FinderFailure(Exception):
+    """A finder failed on one image; the message is one line and starts with the kind of failure."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found in one image."""
+
+    features: Keypoints
+    """All key points, strongest first; empty where the finder has none."""
+    detections: tuple[Detection, ...] | None
+    """What is taken for a marker; None where the finder does not say."""
+
+
+def request(frame: int, image: str, width: int, height: int) -> bytes:
+    """Return the line that asks for an image."""
+    return (json.dumps({"frame": frame, "image": image, "width": width, "height": height}) + "\n").encode()
+
+
+def answer(frame: int, found: Found) -> bytes:
+    """Return the line that answers."""
+    kp = found.features
+    columns = zip(kp.xy.tolist(), kp.size.tolist(), kp.response.tolist(), kp.laplacian.tolist(), strict=True)
+    value: dict[str, Any] = {
+        "frame": frame,
+        "keypoints": [
+            {"x": x, "y": y, "size": size, "response": response, "laplacian": sign}
+            for (x, y), size, response, sign in columns
+        ],
+    }
+    if found.detections is not None:
+        value["detections"] = [
+            {
+                "x": float(d.xy[0]),
+                "y": float(d.xy[1]),
+                "size": d.size,
+                "response": d.response,
+                "polarity": d.polarity,
+                "distance": d.signature_distance,
+                "rank": d.rank,
+            }
+            for d in found.detections
+        ]
+    return (json.dumps(value) + "\n").encode()
+
+
+def parse_answer(line: bytes, frame: int) -> Found:
+    """Read an answer.
+
+    Raises
+    ------
+    FinderFailure
+        "rubbish: …" if it is not one, "error: …" if it says that the program failed.
+    """
+    try:
+        value = json.loads(line)
+    except ValueError as error:
+        raise FinderFailure(f"rubbish: expected a line of JSON, got {_excerpt(line)}") from error
+    if isinstance(value, dict) and isinstance(value.get("error"), str):
+        raise FinderFailure(f"error: {' '.join(value['error'].split())[:200]}")
+    if not isinstance(value, dict) or value.get("frame") != frame or not {"detections", "keypoints"} & value.keys():
+        expected = f'{{"frame": {frame}, "detections" or "keypoints": […]}}'
+        raise FinderFailure(f"rubbish: expected {expected}, got {_excerpt(line)}")
+    features = _features(_rows(value.get("keypoints", []), "keypoints"))
+    if "detections" not in value:
+        return Found(features, None)
+    rows = sorted(_rows(value["detections"], "detections"), key=lambda row: -row["response"])
+    return Found(features, tuple(_detection(i, row) for i, row in enumerate(rows)))
+
+
+def _excerpt(line: bytes) -> str:
+    return repr(line[:60].decode("utf-8", "replace"))
+
+
+def _rows(value: Any, name: str) -> list[dict[str, Any]]:
+    """Return points with x, y, size and response as finite numbers."""
+    if not isinstance(value, list) or len(value) > MOST_POINTS:
+        raise FinderFailure(f"rubbish: {name}: expected a list of at most {MOST_POINTS} points")
+    return [_row(point, name) for point in value]
+
+
+def _row(point: Any, name: str) -> dict[str, Any]:
+    if not isinstance(point, dict):
+        raise FinderFailure(f"rubbish: {name}: expected points with x and y, got {str(point)[:40]!r}")
+    numbers = {"size": 0.0, "response": 0.0, "distance": 0.0, "rank": 0, "laplacian": 0, **point}
+    for field in ("x", "y", "size", "response", "distance", "rank", "laplacian"):
+        number = numbers.get(field)
+        if isinstance(number, bool) or not isinstance(number, int | float) or not np.isfinite(number):
+            raise FinderFailure(f"rubbish: {name}: {field}: expected a finite number, got {str(number)[:40]!r}")
+    return numbers
+
+
+def _features(rows: list[dict[str, Any]]) -> Keypoints:
+    """Return key points, strongest first."""
+    rows = sorted(rows, key=lambda row: -row["response"])
+    size = np.array([row["size"] for row in rows], dtype=np.float32)
+    none = np.zeros(len(rows))
+    return Keypoints(
+        xy=np.array([(row["x"], row["y"]) for row in rows], dtype=np.float32).reshape(-1, 2),
+        size=size,
+        angle=none - 1,  # type: ignore[arg-type]
+        response=np.array([row["response"] for row in rows], dtype=np.float32),
+        octave=none,  # type: ignore[arg-type]
+        laplacian=np.array([np.sign(row["laplacian"]) for row in rows], dtype=np.int8),
+        scale=size,
+    )
+
+
+def _detection(i: int, row: dict[str, Any]) -> Detection:
+    return Detection(
+        id=i,
+        xy=np.array([row["x"], row["y"]], dtype=np.float64),
+        size=float(row["size"]),
+        polarity="light" if row.get("polarity") == "light" else "dark",
+        response=float(row["response"]),
+        signature_distance=float(row["distance"]),
+        rank=int(row["rank"]),
+    )

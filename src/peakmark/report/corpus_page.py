@@ -1,0 +1,149 @@
+"""A corpus to look at: pictures with their markers drawn in, a page of them, and a recording for Rerun."""
+
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.corpus.read import Corpus, open_corpus
+from peaksim.corpus.sample import Record
+from PIL import Image
+
+from peakmark.errors import InputError
+from peakmark.report.overlay import rgb
+from peakmark.report.page import Section, Table, jpeg_uri, write_report
+from peakmark.report.results import result_folder
+
+_SHOWN = 12  # frames, unless some are asked for
+
+_COLOURS = ((150, 150, 150), (255, 140, 0), (60, 220, 60))
+"""RGB of points outside the picture, covered, and seen."""
+
+
+def show_frames(dest: str, frames: Sequence[int] | None, out: Path) -> Path:
+    """Write a picture of each frame and index.html; return the page.
+
+    Raises
+    ------
+    InputError
+        If there is no such corpus or frame, or the folder cannot be written.
+    """
+    corpus = open_corpus(dest)
+    sections = []
+    with result_folder(out) as folder:
+        for frame in _chosen(corpus, frames):
+            record = corpus.record(frame)
+            picture = draw_truth(corpus.picture(frame), record)
+            _save(folder / f"{frame:08d}.png", picture)
+            sections.append(_section(frame, record, picture))
+        spec = corpus.configuration.spec
+        lead = f"{len(corpus)} frames, seed {spec.seed}, renderer {corpus.configuration.renderer}."
+        write_report(folder / "index.html", f"Corpus {spec.name}", lead, sections)
+    return out / "index.html"
+
+
+def _chosen(corpus: Corpus, frames: Sequence[int] | None) -> list[int]:
+    """Return the frames asked for, or some in even steps."""
+    steps = np.linspace(0, len(corpus) - 1, min(_SHOWN, len(corpus)))
+    return list(frames) if frames is not None else [round(float(step)) for step in steps]
+
+
+def _save(path: Path, picture: NDArray[np.uint8]) -> None:
+    Image.fromarray(picture).save(path)
+
+
+def draw_truth(image: NDArray[np.uint8], record: Record) -> NDArray[np.uint8]:
+    """Return an RGB copy, enlarged where small, with each marker's outline, points and name."""
+    scale = max(1, round(900 / image.shape[1]))
+    canvas = np.ascontiguousarray(rgb(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)))  # type: ignore[arg-type]
+    for marker in record["markers"]:
+        points = np.array([xy if None not in xy else (np.nan, np.nan) for xy in marker["points_xy"]], dtype=np.float64)
+        points = (points + 0.5) * scale - 0.5
+        colour = _COLOURS[2] if marker["visible_fraction"] > 0 else _COLOURS[1]
+        if np.isfinite(points).all():
+            outline = np.round(points[1:] * 16).astype(np.int32)
+            cv2.polylines(canvas, [outline], isClosed=True, color=colour, thickness=1, lineType=cv2.LINE_AA, shift=4)
+        for xy, state in zip(points, marker["points_seen"], strict=True):
+            if state:
+                cv2.circle(canvas, _fixed(xy), 3 * 16, _COLOURS[state], -1, cv2.LINE_AA, 4)
+        if marker["points_seen"][0]:
+            place = (int(points[0, 0]) + 6, int(points[0, 1]))
+            cv2.putText(canvas, marker["name"], place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 0), 1, cv2.LINE_AA)
+    return canvas
+
+
+def _fixed(xy: NDArray[np.float64]) -> tuple[int, int]:
+    return round(float(xy[0]) * 16), round(float(xy[1]) * 16)
+
+
+def _section(frame: int, record: Record, picture: NDArray[np.uint8]) -> Section:
+    head = ("marker", "kind", "side (px)", "distance (m)", "tilt (°)", "visible")
+    rows = [
+        (m["name"], m["kind"], m["side_px"], m["distance_m"], m["tilt_deg"], m["visible_fraction"])
+        for m in record["markers"]
+    ]
+    caption = f"Camera {record['camera']['name']}, scene {record['scene']}, view {record['view']}."
+    return Section(f"Frame {frame}", table=Table(head, rows), image=jpeg_uri(picture), caption=caption)
+
+
+def open_page(page: Path) -> None:
+    """Open a page in the user's browser.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if not webbrowser.open(page.resolve().as_uri()):
+        raise InputError(f"--open: found no browser to open {page} with")
+
+
+# --- Rerun ------------------------------------------------------------------------------------------------------
+
+
+def save_recording(dest: str, frames: Sequence[int] | None, path: Path) -> None:
+    """Write a Rerun recording (.rrd): cameras and marker points in the world, pictures and points in the camera.
+
+    Raises
+    ------
+    InputError
+        If rerun is not installed, or the file cannot be written.
+    """
+    try:
+        import rerun as rr
+    except ImportError as error:
+        raise InputError("--rrd: needs rerun: pip install 'peakmark[rerun]'") from error
+    corpus = open_corpus(dest)
+    recording = rr.RecordingStream("peakmark corpus")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        recording.save(path)
+    except OSError as error:
+        raise InputError(f"--rrd {path}: cannot be written: {error.strerror or error}") from error
+    for frame in _chosen(corpus, frames):
+        recording.set_time("frame", sequence=frame)
+        _log_frame(rr, recording, corpus.record(frame), corpus.picture(frame))
+    recording.flush()
+
+
+def _log_frame(rr: Any, recording: Any, record: Record, picture: NDArray[np.uint8]) -> None:
+    camera, pose = record["camera"], np.array(record["world_from_camera"])
+    matrix = [[camera["fx"], 0, camera["cx"] + 0.5], [0, camera["fy"], camera["cy"] + 0.5], [0, 0, 1]]
+    points = [
+        (xyz, xy, state, marker["name"])
+        for marker in record["markers"]
+        for xyz, xy, state in zip(marker["points_world_m"], marker["points_xy"], marker["points_seen"], strict=True)
+    ]
+    shown = [p for p in points if p[2]]
+    recording.log("world/markers", rr.Points3D([p[0] for p in points], radii=0.005))
+    recording.log("world/camera", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
+    pinhole = rr.Pinhole(image_from_camera=matrix, width=camera["width"], height=camera["height"])
+    recording.log("world/camera/picture", pinhole)
+    recording.log("world/camera/picture", rr.Image(picture))
+    recording.log(
+        "world/camera/picture/points",
+        rr.Points2D(np.array([p[1] for p in shown]).reshape(-1, 2) + 0.5, labels=[p[3] for p in shown], radii=2),
+    )

@@ -1,0 +1,100 @@
+"""One self-contained HTML page: tables, figures and pictures, without a network or a script."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of plain values."""
+
+    head: Sequence[str]
+    """Column titles with units."""
+    rows: Sequence[Sequence[str | int | float | None]]
+    """One sequence a row; numbers are aligned right."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled part of the page; every part but the title may be missing."""
+
+    title: str
+    text: str = ""
+    """One plain paragraph."""
+    table: Table | None = None
+    image: str = ""
+    """A data URI from `svg_uri`, `svg_file_uri` or `jpeg_uri`."""
+    caption: str = ""
+    links: Sequence[str] = field(default_factory=tuple)
+    """Names of files beside the page."""
+    pictures: Sequence["Picture"] = field(default_factory=tuple)
+    """Side by side where there is room."""
+    data: Table | None = None
+    """What a figure was drawn from, folded away."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture with words under it."""
+
+    uri: str
+    """A data URI from `jpeg_uri`."""
+    caption: str
+    width: int
+    """Of the picture, px: the page reserves its room."""
+    height: int
+
+
+def write_report(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
+    """Write the page; all texts are escaped."""
+    from jinja2 import Environment, PackageLoader
+
+    environment = Environment(loader=PackageLoader("peakmark.report"), autoescape=True)
+    environment.filters["cell"] = cell
+    page = environment.get_template("report.html").render(title=title, lead=lead, sections=sections)
+    path.write_text(page, encoding="utf-8")
+
+
+def cell(value: str | int | float | None) -> str:
+    """Format a table cell: "–" for None, at most four significant digits for fractions."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return f"{value:,}" if isinstance(value, int) else value
+
+
+def svg_uri(figure: Any) -> str:
+    """Return a matplotlib figure as a data URI of an SVG picture."""
+    import matplotlib
+
+    buffer = BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
+        figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
+    return _uri("image/svg+xml", buffer.getvalue())
+
+
+def svg_file_uri(path: Path) -> str:
+    """Return an SVG file as a data URI."""
+    return _uri("image/svg+xml", path.read_bytes())
+
+
+def jpeg_uri(picture: NDArray[np.uint8], width_px: int = 1400) -> str:
+    """Return an RGB picture, scaled down to `width_px` if wider, as a data URI of a JPEG."""
+    image = Image.fromarray(picture)
+    image.thumbnail((width_px, width_px))
+    buffer = BytesIO()
+    image.save(buffer, "JPEG", quality=88)
+    return _uri("image/jpeg", buffer.getvalue())
+
+
+def _uri(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"

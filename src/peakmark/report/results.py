@@ -1,0 +1,86 @@
+"""Result folders: files appear there whole, and all together, or not at all."""
+
+import csv
+import json
+import os
+import resource
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from peakmark.errors import InputError
+
+
+@contextmanager
+def result_folder(out: str | Path) -> Iterator[Path]:
+    """Give a folder to write results in; they move to `out` when the block ends without an exception.
+
+    `out` is made where missing; files of the same name in it are replaced, others stay.
+
+    Raises
+    ------
+    InputError
+        If `out` is a file, cannot be written, or has no room; nothing is left behind then.
+    """
+    target = Path(out)
+    is_new = not target.exists()
+    try:
+        stage = _stage(target)
+        try:
+            yield stage
+            _publish(stage, target)
+        finally:
+            shutil.rmtree(stage, ignore_errors=True)
+            if is_new and not any(target.iterdir()):
+                target.rmdir()
+    except OSError as error:
+        raise InputError(f"--out {out}: expected a folder that can be written: {error.strerror or error}") from error
+
+
+def _stage(target: Path) -> Path:
+    """Make a hidden folder inside `target`, so that the final renames stay on one file system."""
+    if target.exists() and not target.is_dir():
+        raise InputError(f"--out {target}: expected a folder, found a file")
+    target.mkdir(parents=True, exist_ok=True)
+    return Path(tempfile.mkdtemp(prefix=".unfinished-", dir=target))
+
+
+def _publish(stage: Path, target: Path) -> None:
+    """Move every file to its place; `result.json` last, so that it vouches for the others."""
+    for path in sorted(stage.iterdir(), key=lambda p: (p.name == "result.json", p.name)):
+        destination = target / path.name
+        if path.is_dir() and destination.is_dir():
+            shutil.rmtree(destination)
+        os.replace(path, destination)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write plain values as indented JSON; nan is refused, None is null."""
+    path.write_text(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def peak_memory_mb() -> float:
+    """Return the largest resident size of this process so far, in 10⁶ bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Write one line a frame; nested figures become columns such as localisation_px.rms."""
+    flat = [dict(_flat(row)) for row in rows]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(flat[0]))
+        writer.writeheader()
+        writer.writerows(flat)
+
+
+def _flat(row: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    columns: list[tuple[str, Any]] = []
+    for name, value in row.items():
+        if isinstance(value, dict):
+            columns += _flat(value, f"{prefix}{name}.")
+        else:
+            columns.append((prefix + name, " ".join(map(str, value)) if isinstance(value, tuple | list) else value))
+    return columns

@@ -1,0 +1,237 @@
+"""Detections against truth: which markers were found, how precisely, and how far clutter stays behind."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.camera.frame import MarkerTruth
+
+from peakmark.identification.detection import Detection
+from peakmark.identification.signature import polarity_by_signature
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.patterns import Polarity
+from peakmark.score.wanted import IN_VIEW, TOLERANCE_PX, Wanted, polarity_of
+
+
+@dataclass(frozen=True)
+class Localisation:
+    """Distances of found markers from their true centres."""
+
+    bias: float | None
+    """Length of the mean error vector, px; None where nothing was found."""
+    bias_xy: tuple[float, float] | None
+    """Mean error vector, detected − true, px."""
+    rms: float | None
+    """Root mean square distance, px."""
+    p95: float | None
+    """95th percentile of the distance, px."""
+
+
+@dataclass(frozen=True)
+class MarkerResult:
+    """What became of a visible marker."""
+
+    name: str
+    """Of the mark."""
+    side_px: float
+    """True side in the image."""
+    tilt_deg: float
+    """True tilt."""
+    distance_m: float
+    """True distance."""
+    is_in_view: bool
+    """Whether it is fully in view."""
+    is_wanted: bool
+    """Whether it must be found."""
+    is_found: bool
+    """Whether a detection lies within the tolerance."""
+    error_px: float | None = None
+    """Distance of the detection from the true centre; None if not found."""
+    is_polarity_right: bool | None = None
+    """By the sign of the Laplacian; None if not found."""
+    is_signature_right: bool | None = None
+    """Whether the signature tells the polarity, too; None if not found, or without descriptors."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """One frame's result."""
+
+    markers: tuple[MarkerResult, ...]
+    """All visible markers."""
+    false_detections: int
+    """Detections that are within the tolerance of no visible marker."""
+    matches: dict[str, int]
+    """Marker name → index into the detections, partly visible markers included."""
+    localisation: Localisation
+    """Of the found markers that are fully in view."""
+    rank_of_last_marker: int | None
+    """Rank among all features of the strongest feature of the weakest of them; None where nothing was found."""
+    false_above_last_marker: int | None
+    """Features that belong to no marker and are stronger than that one."""
+    strongest_clutter: float | None
+    """Response of the strongest feature that is at no marker's centre."""
+    response_drop: float | None
+    """Response of the weakest found marker over the strongest clutter; > 1 is unique detectability."""
+
+    @property
+    def wanted(self) -> int:
+        """Number of markers that must be found."""
+        return sum(marker.is_wanted for marker in self.markers)
+
+    @property
+    def found(self) -> int:
+        """Number of those that were."""
+        return sum(marker.is_wanted and marker.is_found for marker in self.markers)
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """Names of those that were not."""
+        return tuple(marker.name for marker in self.markers if marker.is_wanted and not marker.is_found)
+
+    @property
+    def polarity_errors(self) -> int:
+        """Wanted markers that were found with the wrong sign of the Laplacian."""
+        return sum(marker.is_wanted and marker.is_polarity_right is False for marker in self.markers)
+
+    @property
+    def signature_errors(self) -> int:
+        """Wanted markers that were found with a signature nearer to that of the other polarity."""
+        return sum(marker.is_wanted and marker.is_signature_right is False for marker in self.markers)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the plain values for JSON: counts and errors, no single markers."""
+        return {
+            "markers_in_view": self.wanted,
+            "markers_found": self.found,
+            "missed": self.missed,
+            "false_detections": self.false_detections,
+            "localisation_px": asdict(self.localisation),
+            "rank_of_last_marker": self.rank_of_last_marker,
+            "false_above_last_marker": self.false_above_last_marker,
+            "strongest_clutter": self.strongest_clutter,
+            "response_drop": self.response_drop,
+        }
+
+
+def score_frame(
+    truth: Sequence[MarkerTruth],
+    detections: Sequence[Detection],
+    features: Keypoints,
+    wanted: Wanted = IN_VIEW,
+    tolerance_px: float = TOLERANCE_PX,
+) -> Score:
+    """Score one frame's detections, and the features that they were chosen from, against truth.
+
+    Parameters
+    ----------
+    truth
+        Records of all markers of the scene.
+    detections
+        Identified markers.
+    features
+        All key points, strongest first, in the coordinates of the truth.
+    wanted
+        Which markers must be found.
+    tolerance_px
+        Largest distance from a true centre that counts as found.
+    """
+    visible = [t for t in truth if t.visible_fraction > 0]
+    matches = match(visible, detections, tolerance_px)
+    found = [t for t in IN_VIEW.of(visible) if t.name in matches]
+    errors = np.array([detections[matches[t.name]].xy - t.center_xy for t in found]).reshape(-1, 2)
+    owner = owners(visible, features, tolerance_px)
+    ranks = [_strongest(owner, visible.index(t)) for t in found]
+    last = max((rank for rank in ranks if rank is not None), default=None)
+    clutter = _strongest(owner, -1)
+    drop = None if last is None or clutter is None else features.response[last] / features.response[clutter]
+    found_as = {name: detections[index] for name, index in matches.items()}
+    return Score(
+        markers=tuple(_result(t, found_as.get(t.name), features, wanted) for t in visible),
+        false_detections=len(detections) - len(matches),
+        matches=matches,
+        localisation=localisation(errors),
+        rank_of_last_marker=None if last is None else last + 1,
+        false_above_last_marker=None if last is None else int((owner[:last] == -1).sum()),
+        strongest_clutter=None if clutter is None else float(features.response[clutter]),
+        response_drop=None if drop is None else float(drop),
+    )
+
+
+def _result(truth: MarkerTruth, detection: Detection | None, features: Keypoints, wanted: Wanted) -> MarkerResult:
+    known = (
+        truth.name,
+        truth.side_px,
+        truth.tilt_deg,
+        truth.distance_m,
+        IN_VIEW.includes(truth),
+        wanted.includes(truth),
+    )
+    if detection is None:
+        return MarkerResult(*known, is_found=False)
+    polarity = polarity_of(truth.kind)
+    return MarkerResult(
+        *known,
+        is_found=True,
+        error_px=float(np.linalg.norm(detection.xy - truth.center_xy)),
+        is_polarity_right=detection.polarity == polarity,
+        is_signature_right=_has_signature_of(polarity, detection, features),
+    )
+
+
+def _has_signature_of(polarity: Polarity, detection: Detection, features: Keypoints) -> bool | None:
+    row = slice(detection.rank - 1, detection.rank)
+    if features.descriptors is None or features.descriptors[row].shape != (1, 64):
+        return None
+    return polarity_by_signature(features.descriptors[row]) == [polarity]
+
+
+def match(truth: Sequence[MarkerTruth], detections: Sequence[Detection], tolerance_px: float) -> dict[str, int]:
+    """Pair markers with detections one to one within the tolerance, the nearest pairs first."""
+    if not truth or not detections:
+        return {}
+    centers = np.array([t.center_xy for t in truth])
+    gaps = np.linalg.norm(centers[:, None] - np.array([d.xy for d in detections])[None], axis=2)
+    matches: dict[str, int] = {}
+    for i, j in zip(*np.unravel_index(np.argsort(gaps, axis=None, kind="stable"), gaps.shape), strict=True):
+        if gaps[i, j] > tolerance_px:
+            break
+        if truth[i].name not in matches and j not in matches.values():
+            matches[truth[i].name] = int(j)
+    return matches
+
+
+def owners(truth: Sequence[MarkerTruth], features: Keypoints, tolerance_px: float) -> NDArray[np.intp]:
+    """Return for each feature the index of the marker at whose centre it lies, −1 for clutter."""
+    owner = np.full(len(features), -1, dtype=np.intp)
+    for i, marker in enumerate(truth):
+        owner[np.linalg.norm(features.xy - marker.center_xy, axis=1) <= tolerance_px] = i
+    return owner
+
+
+def _strongest(owner: NDArray[np.intp], index: int) -> int | None:
+    """Return the row of the strongest feature of an owner; features come strongest first."""
+    rows = np.flatnonzero(owner == index)
+    return int(rows[0]) if len(rows) else None
+
+
+def localisation(errors_px: NDArray[np.float64]) -> Localisation:
+    """Summarise (n, 2) error vectors."""
+    if len(errors_px) == 0:
+        return Localisation(None, None, None, None)
+    mean = errors_px.mean(axis=0)
+    gaps = np.linalg.norm(errors_px, axis=1)
+    return Localisation(
+        bias=float(np.linalg.norm(mean)),
+        bias_xy=(float(mean[0]), float(mean[1])),
+        rms=float(np.sqrt((gaps**2).mean())),
+        p95=float(np.percentile(gaps, 95)),
+    )
+
+
+def at_markers(truth: Sequence[MarkerTruth], features: Keypoints) -> NDArray[np.bool_]:
+    """Return for each feature whether it lies at a visible marker's centre."""
+    visible = [marker for marker in truth if marker.visible_fraction > 0]
+    return owners(visible, features, TOLERANCE_PX) >= 0

@@ -1,0 +1,79 @@
+"""Errors of estimated poses and trajectories against true ones."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.geometry.pose import Pose, invert
+from scipy.spatial.transform import Rotation
+
+from peakmark.errors import InputError
+
+WRONG_M, WRONG_DEG = 0.1, 5.0
+"""A pose that is farther off counts as wrong: a flip, or another place of the map."""
+
+
+def pose_error(estimate: Pose | None, truth: Pose) -> tuple[float, float] | None:
+    """Return the distance in mm and the angle in degrees between two poses; None without an estimate."""
+    if estimate is None:
+        return None
+
+    apart = invert(truth) @ estimate
+    angle = float(np.degrees(Rotation.from_matrix(apart[:3, :3]).magnitude()))
+    return float(1000 * np.linalg.norm(apart[:3, 3])), angle
+
+
+def is_wrong(error: tuple[float, float] | None) -> bool:
+    """Return whether an accepted pose is a flip or another place."""
+    return error is not None and (error[0] > 1000 * WRONG_M or error[1] > WRONG_DEG)
+
+
+def trajectory_errors(
+    times_s: NDArray[np.float64], truth: Sequence[Pose], estimate: Sequence[Pose | None], is_aligned: bool
+) -> dict[str, float] | None:
+    """Return evo's absolute and relative errors of the frames that have an estimate; None with fewer than three.
+
+    Parameters
+    ----------
+    times_s
+        (n,) of the frames.
+    truth, estimate
+        n poses `world_from_camera` each.
+    is_aligned
+        Whether the estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight way,
+        which leaves that open, is laid on the first pose).
+
+    Raises
+    ------
+    InputError
+        If evo is not installed.
+    """
+    try:
+        from evo.core import metrics
+        from evo.core.geometry import GeometryException
+        from evo.core.trajectory import PoseTrajectory3D
+    except ImportError as error:
+        raise InputError("trajectory errors need evo: pip install 'peakmark[evo]'") from error
+    rows = [k for k, pose in enumerate(estimate) if pose is not None]
+    if len(rows) < 3:
+        return None
+    reference, own = (
+        PoseTrajectory3D(poses_se3=[np.asarray(poses[k]) for k in rows], timestamps=times_s[rows])
+        for poses in (truth, estimate)
+    )
+    if is_aligned:
+        try:
+            own.align(reference)
+        except GeometryException:  # a straight way does not tell its roll
+            own.align_origin(reference)
+    ape = metrics.APE(metrics.PoseRelation.translation_part)
+    rpe = metrics.RPE(metrics.PoseRelation.translation_part)
+    turn = metrics.RPE(metrics.PoseRelation.rotation_angle_deg)
+    for metric in (ape, rpe, turn):
+        metric.process_data((reference, own))
+    return {
+        "ate_rmse_mm": 1000 * ape.get_statistic(metrics.StatisticsType.rmse),
+        "ate_max_mm": 1000 * ape.get_statistic(metrics.StatisticsType.max),
+        "rpe_rmse_mm": 1000 * rpe.get_statistic(metrics.StatisticsType.rmse),
+        "rpe_rmse_deg": turn.get_statistic(metrics.StatisticsType.rmse),
+    }

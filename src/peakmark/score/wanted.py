@@ -1,0 +1,104 @@
+"""Which markers of a frame count: what a detector is asked to find."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.identification.stretch import Stretch
+from peakmark.markers.patterns import Polarity
+
+TOLERANCE_PX = 3.0
+"""A marker detected farther off counts as undetected (paper, Section 4.1)."""
+
+FULLY_IN_VIEW = 0.95
+"""Visible fraction from which a marker must be found; below, finding it is neither asked for nor wrong."""
+
+SMALLEST_PX = 20.0
+"""Side from which a detector is asked for a marker, where nothing else is said."""
+
+STEEPEST_DEG = 45.0
+"""Tilt up to which markers on walls, and arrays, must be read."""
+
+
+class Visible(Protocol):
+    """What must be known of a marker: a `MarkerTruth`, or what a record keeps of one."""
+
+    @property
+    def kind(self) -> str:
+        """Its printed pattern, such as "surf-dark"."""
+
+    @property
+    def center_xy(self) -> NDArray[np.float64]:
+        """(2,) projected centre, px."""
+
+    @property
+    def side_px(self) -> float:
+        """Side in the image."""
+
+    @property
+    def tilt_deg(self) -> float:
+        """Angle between its normal and the ray to the camera."""
+
+    @property
+    def visible_fraction(self) -> float:
+        """Share of it that is seen, 0…1."""
+
+
+Marker = TypeVar("Marker", bound=Visible)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a marker must be like to be asked for; every limit is itself allowed."""
+
+    min_side_px: float = 0.0
+    """Smallest side, after stretching."""
+    max_tilt_deg: float = 90.0
+    """Largest tilt."""
+    min_visible: float = FULLY_IN_VIEW
+    """Smallest visible fraction."""
+    kinds: tuple[str, ...] = ()
+    """Beginnings of the kinds that count; empty for all."""
+    stretch: Stretch = 1.0
+    """Vertical stretch before detection: one factor, or (H,) one for each row; it makes markers larger."""
+
+    def of(self, markers: Iterable[Marker]) -> list[Marker]:
+        """Return the markers that must be found."""
+        return [marker for marker in markers if self.includes(marker)]
+
+    def includes(self, marker: Visible) -> bool:
+        """Return whether a marker must be found."""
+        return (
+            self.counts(marker)
+            and marker.visible_fraction >= self.min_visible
+            and marker.tilt_deg <= self.max_tilt_deg
+            and stretched_side_px(marker, self.stretch) >= self.min_side_px
+        )
+
+    def counts(self, marker: Visible) -> bool:
+        """Return whether a marker is of a kind that counts, so that finding it is at least not wrong."""
+        return not self.kinds or marker.kind.startswith(self.kinds)
+
+
+IN_VIEW = Wanted()
+"""Every marker that is fully in view."""
+
+READABLE = Wanted(min_side_px=SMALLEST_PX, max_tilt_deg=STEEPEST_DEG)
+"""Markers on walls: fully in view, large and square enough to be read."""
+
+
+def stretched_side_px(marker: Visible, stretch: Stretch) -> float:
+    """Return a marker's side once the image is stretched vertically: the square root of its area there."""
+    factor = np.asarray(stretch, dtype=np.float64)
+    if factor.ndim == 0:
+        return float(marker.side_px * np.sqrt(factor))
+    row = int(np.clip(round(float(marker.center_xy[1])), 0, factor.size - 1))
+    return float(marker.side_px * np.sqrt(factor[row]))
+
+
+def polarity_of(kind: str) -> Polarity:
+    """Return the polarity of a mark's kind, such as "surf-light"."""
+    return "light" if kind.endswith("light") else "dark"

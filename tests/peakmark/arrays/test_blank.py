@@ -1,0 +1,63 @@
+"""The blank corner must be bare paper: a block of four of which one was missed is not read."""
+
+import cv2
+import numpy as np
+import pytest
+
+from peakmark import decode_arrays, identify
+from peakmark.markers.patterns import Polarity, surf_marker
+from tests.peakmark.identification.walls import TEXELS, sheet, wall
+
+
+def block(code: int, fourth: Polarity) -> np.ndarray:
+    paper = sheet(code)
+    left = int(2 * TEXELS - 0.75 * TEXELS - TEXELS / 2)
+    paper[left : left + TEXELS, left : left + TEXELS] = surf_marker(TEXELS, fourth)
+    return paper
+
+
+@pytest.mark.parametrize("fourth", ["dark", "light"])
+@pytest.mark.parametrize("turn", [0, 70, 200])
+def test_a_block_with_a_missed_marker_is_unsure_where_the_picture_is_given(fourth: Polarity, turn: float) -> None:
+    picture = wall([(block(2, fourth), 240, 180, 40, turn)])
+    found = identify(picture, polarity="both")
+    assert len(found) == 4
+    angle = np.radians(turn)
+    corner = np.array([240, 180]) - 30 * np.array([np.cos(angle) + np.sin(angle), np.cos(angle) - np.sin(angle)])
+    three = [d for d in found if np.linalg.norm(d.xy - corner) > 5]
+    assert [a.code for a in decode_arrays(three)] == [2]
+    (array,) = decode_arrays(three, image=picture)
+    assert (array.code, array.doubt) == (None, "the blank corner is not blank")
+
+
+@pytest.mark.parametrize("level", [0, 90, 150])
+def test_something_in_front_of_the_corner_is_not_paper(level: int) -> None:
+    picture = wall([(sheet(6), 240, 180, 40, 0)])
+    hidden = picture.copy()
+    hidden[100:168, 150:230] = level
+    assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [6]
+    assert [a.code for a in decode_arrays(identify(hidden, polarity="both"), image=hidden)] in ([], [None])
+
+
+@pytest.mark.parametrize("white", [180, 255])
+def test_paper_may_be_a_little_darker_than_the_pattern_s_white(white: int) -> None:
+    for code in range(8):
+        picture = wall([(sheet(code, max(white, 215)), 240, 180, 25, 30)], seed=code)
+        picture = (picture * (white / 255)).astype(np.uint8)
+        assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [code]
+
+
+@pytest.mark.parametrize("code", range(8))
+@pytest.mark.parametrize("side", [21, 30, 57.6])
+def test_bare_paper_is_blank_whatever_the_markers_beside_it(code: int, side: float) -> None:
+    size = round(4 * side)
+    picture = cv2.resize(sheet(code), (size, size), interpolation=cv2.INTER_AREA)
+    picture = cv2.GaussianBlur(np.pad(picture, 40, constant_values=255), (0, 0), 0.7)
+    assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [code]
+
+
+def test_the_image_tells_its_size() -> None:
+    picture = wall([(sheet(3), 240, 180, 40, 0)])
+    cut = picture[170:, 225:]
+    found = identify(cut, polarity="both")
+    assert decode_arrays(found, image=cut) == ()

@@ -1,0 +1,64 @@
+from peakmark.experiments.detectability.claims import claims_table
+from peakmark.experiments.detectability.points import sides_away
+from tests.peakmark.experiments.detectability.rows import curve, row
+
+SURF, SIFT = ("surf-dark", "surf-paper"), ("sift-dark", "sift")
+
+
+def found(rows, start):
+    """Return what the table finds for the claim that begins with `start`."""
+    (line,) = [line for line in claims_table(rows).rows if line[0].startswith(start)]
+    return line[1]
+
+
+def test_sizes_are_given_for_three_shares():
+    rows = curve("scale", *SURF, {8: 0, 10: 5, 12: 60, 14: 100, 200: 100, 210: 70, 220: 20, 260: 0})
+    text = found(rows, "the SURF marker is detected")
+    assert text == "10 to 220 px in at least one view, 12 to 210 px in half, 14 to 200 px in all"
+
+
+def test_ditches_name_both_markers():
+    rows = [*curve("scale", *SURF, {20: 100, 26: 30, 30: 100}), *curve("scale", *SIFT, {2: 100, 4: 95, 8: 100})]
+    assert found(rows, "both markers have") == "below 90 % at surf-dark: 26; sift-dark: none"
+
+
+def test_the_turn_is_given_as_the_largest_departure_from_the_mean():
+    rows = [row("turn", *SURF, x, response=response) for x, response in ((0, 9.0), (45, 11.0), (90, 10.0))]
+    assert found(rows, "the response stays high") == "surf-dark within ±10.0 % of its mean"
+
+
+def test_the_tilt_limit_is_where_the_rms_error_passes_3_px():
+    rows = [row("tilt", *SURF, x, rms_px=rms, series=sides_away(1)) for x, rms in ((0, 1.0), (25, 3.5), (40, 9.0))]
+    rows += [row("tilt", *SURF, x, rms_px=1.0, series=sides_away(20)) for x in (0, 80)]
+    rows[1]["detected"] = 0.8
+    text = found(rows, "SURF's marker leaves")
+    assert text.split("; ") == [
+        "1 sides away: beyond 3 px RMS from 25°, below 90 % at 25°",
+        "2 sides away: not measured",
+        "5 sides away: not measured",
+        "20 sides away: beyond 3 px RMS never, below 90 % at none",
+    ]
+
+
+def test_noise_is_read_next_to_20_percent():
+    rows = [row("noise", *SURF, x, hits, response_ratio=0.5) for x, hits in ((0, 100), (50, 97), (100, 60))]
+    assert found(rows, "noise matters") == "surf-dark at σ 50: 97 % detected, response 50 % of the clean one"
+
+
+def test_gain_bias_and_uniqueness_come_from_the_rows():
+    rows = [
+        *curve("turn", *SURF, {0: 100}),
+        *curve("turn", "surf-range-dark", "surf-paper", {0: 100}, response=18.5),
+        row("bias", "sift-dark", "sift-opencv", 4, bias_x_px=0.25, bias_y_px=-0.3),
+        row("bias", "sift-dark", "sift-opencv", 8, bias_x_px=0.24, bias_y_px=0.26),
+        row("background", *SURF, 1, 80, series="gravel"),
+    ]
+    assert found(rows, "the markers trigger") == "surf-range-dark answers 1.85 times as strongly as surf-dark"
+    assert found(rows, "(not in the paper)") == "median over the sizes: sift-opencv (+0.245, -0.020) px"
+    assert found(rows, "the markers are uniquely") == "surf-dark on gravel 80 %"
+
+
+def test_every_claim_has_a_line_even_without_rows():
+    table = claims_table([])
+    assert len(table.rows) == 9
+    assert all(len(line) == 3 for line in table.rows)

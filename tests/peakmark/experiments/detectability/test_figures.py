@@ -1,0 +1,46 @@
+import numpy as np
+
+from peakmark import marker
+from peakmark.experiments.detectability.figures import figure_1, figure_2, figure_3, figure_4, figure_5, figure_6
+
+
+def pictures(figure):
+    return [np.asarray(ax.images[0].get_array()) for ax in figure.axes if ax.images]
+
+
+def test_figure_1_shows_both_markers_in_both_polarities_under_both_limits():
+    shown = pictures(figure_1())
+    np.testing.assert_array_equal(shown[2], marker.surf_marker(180))
+    np.testing.assert_array_equal(shown[5], 255 - shown[4])
+    assert [len(np.unique(picture)) for picture in shown[6:]] == [2, 2]
+
+
+def test_figure_2_crosses_zero_at_the_disc_radius():
+    ax = figure_2().axes[0]
+    x, y = ax.lines[0].get_data()
+    radius = marker.dog_zero_crossing(1.0)
+    assert (y[np.abs(x) < radius - 0.02] < 0).all()
+    assert (y[np.abs(x) > radius + 0.02] > 0).all()
+
+
+def test_figures_3_and_5_show_the_filters_and_the_optimum():
+    for shown, filters in zip(pictures(figure_3()), marker.surf_filters(9), strict=True):
+        np.testing.assert_array_equal(shown, filters)
+    grey, binary = pictures(figure_5())
+    assert grey.shape == binary.shape == (15, 15)
+    assert set(np.unique(np.sign(binary))) <= {-1, 0, 1}
+
+
+def test_figure_4_marks_the_inner_cells_of_the_descriptor():
+    bars = figure_4().axes[2].patches
+    green = [i for i, bar in enumerate(bars, 1) if bar.get_facecolor() != bars[0].get_facecolor()]
+    assert green == [*range(21, 29), *range(37, 45)]
+
+
+def test_figure_6_crosses_lie_on_the_truth_except_under_strong_perspective():
+    gaps = []
+    for ax in figure_6().axes:
+        truth, *found = [line.get_xydata()[0] for line in ax.lines]
+        gaps.append(np.linalg.norm(found[0] - truth) if found else np.nan)
+    assert gaps[1] > 2 * gaps[2]
+    assert np.nanmax(np.delete(gaps, [1, 7])) < 3

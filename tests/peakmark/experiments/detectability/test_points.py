@@ -1,0 +1,48 @@
+import pytest
+
+from peakmark.errors import InputError
+from peakmark.experiments.detectability.points import EXPERIMENTS, PAPER_EXPERIMENTS, Config, points
+
+
+def test_points_have_unique_names_and_every_thins_them():
+    everything = points(Config())
+    assert len({point.name for point in everything}) == len(everything)
+    assert {point.experiment for point in everything} == set(EXPERIMENTS)
+    coarse = points(Config(every=4))
+    assert len(coarse) < len(everything) / 3
+    assert {point.name for point in coarse} <= {point.name for point in everything}
+
+
+def test_the_paper_looks_once_at_centred_markers_along_its_own_axes():
+    found = points(Config(is_paper=True))
+    assert {point.experiment for point in found} == set(PAPER_EXPERIMENTS)
+    assert all(point.condition.is_centred and point.condition.image_px == 513 for point in found)
+
+
+def test_every_axis_covers_what_it_should():
+    spans = {
+        ("scale", "surf-dark"): (8, 260),
+        ("scale", "sift-dark"): (1, 60),
+        ("turn", "surf-dark"): (0, 180),
+        ("tilt", "sift-dark"): (0, 80),
+        ("noise", "surf-dark"): (0, 100),
+        ("jpeg", "sift-dark"): (2, 100),
+    }
+    for (experiment, marker), span in spans.items():
+        values = [p.x for p in points(Config(only=(experiment,))) if p.condition.marker == marker]
+        assert (min(values), max(values)) == span
+    tilts = {p.series for p in points(Config(only=("tilt",))) if p.condition.marker == "surf-dark"}
+    assert tilts == {f"{d} sides away" for d in (1, 2, 5, 20)}
+
+
+def test_further_detectors_look_at_every_point_once():
+    for point in points(Config(every=9, extra=("cv2:ORB", "sift"))):
+        assert point.detectors.count("cv2:ORB") == point.detectors.count("sift") == 1
+
+
+@pytest.mark.parametrize(
+    "changes", [{"trials": 0}, {"every": 0}, {"seed": -1}, {"only": ("luck",)}, {"extra": ("orb",)}]
+)
+def test_bad_configurations_are_refused(changes):
+    with pytest.raises(InputError, match=r"expected .* got "):
+        Config(**changes)

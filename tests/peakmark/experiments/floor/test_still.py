@@ -1,0 +1,217 @@
+"""The main job end to end, on the shipped scene: figures that the paper claims, files, determinism, bad input."""
+
+import csv
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from peaksim.rendering import Renderer
+from peaksim.scene.file import load_scene
+from PIL import Image
+
+from peakmark.errors import InputError
+from peakmark.experiments.floor.still import FloorConfig, fly, look, open_scene
+from peakmark.experiments.floor.still_results import run
+from tests.helpers import needs_gl
+from tests.places import ROOT
+
+FILES = {"frame.png", "overlay.png", "responses.png", "signatures.png", "report.html", "result.json"}
+SMALL_SCENE = """
+[camera]
+width = 640
+height = 480
+fx = 550.0
+[sensor]
+read_noise = 2.0
+[[trajectory]]
+time_s = 0.0
+eye_m = [0.0, 0.2, 0.7]
+target_m = [0.0, 1.2, 0.0]
+[[trajectory]]
+time_s = 1.0
+eye_m = [0.0, 0.4, 0.7]
+target_m = [0.0, 1.4, 0.0]
+[textures.floor]
+variants = { gravel = "textures/gravel.png", brick = "textures/brick.png" }
+contrast = 0.5
+mean = 150
+[room]
+min_m = [-2.0, 0.0, 0.0]
+max_m = [2.0, 4.0, 2.5]
+floor = "floor"
+[[marker_paths]]
+name = "t"
+kind = "surf-dark"
+count = 3
+side_m = 0.08
+border_m = 0.01
+waypoints_m = [[-0.2, 1.0], [0.15, 1.6]]
+"""
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.png")}
+
+
+@pytest.fixture
+def small_scene(tmp_path: Path) -> Path:
+    path = tmp_path / "small.toml"
+    path.write_text(SMALL_SCENE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def default_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    out = tmp_path_factory.mktemp("floor")
+    return out, run(FloorConfig(), out)
+
+
+def test_the_papers_claim_on_the_shipped_scene(default_run: tuple[Path, dict[str, Any]]) -> None:
+    _, result = default_run
+    assert result["features"] > 20_000
+    assert (result["markers_in_view"], result["markers_found"]) == (14, 14)
+    assert result["false_detections"] == 0
+    assert result["false_above_last_marker"] == 0
+    assert result["response_drop"] >= 2
+    assert result["localisation_px"]["rms"] <= 1
+
+
+def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, dict[str, Any]]) -> None:
+    out, result = default_run
+    assert {p.name for p in out.iterdir()} == FILES
+    assert json.loads((out / "result.json").read_text()) == json.loads(json.dumps(result))
+    assert set(result) >= {
+        "features",
+        "markers_in_view",
+        "markers_found",
+        "false_above_last_marker",
+        "response_drop",
+        "localisation_px",
+        "renderer",
+        "gl_renderer",
+        "seed",
+        "time_s",
+        "peak_memory_mb",
+    }
+    assert set(result["time_s"]) == {"load", "render", "detect", "identify"}
+    assert Image.open(out / "frame.png").size == (2048, 1536)
+    assert Image.open(out / "overlay.png").size == (2048, 1536)
+    page = (out / "report.html").read_text()
+    assert "14 of 14" in page
+    assert "http" not in page.replace("http://www.w3.org", "")  # self-contained
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("texture", ["gravel", "brick", "grass"])
+@pytest.mark.parametrize("seed", range(10))
+def test_every_floor_and_seed(texture: str, seed: int) -> None:
+    config = FloorConfig(texture=texture, seed=seed)
+    score = look(open_scene(config), config, 0, 0.0).score
+    assert (score.found, score.wanted, score.false_above_last_marker) == (14, 14, 0)
+    assert score.response_drop is not None
+    assert score.response_drop >= 2
+    assert score.localisation.rms is not None
+    assert score.localisation.rms <= 1
+
+
+def test_the_stretch_separates_better_as_the_paper_says() -> None:
+    drops = {}
+    for stretch in (1.0, 2.0):
+        config = FloorConfig(stretch=stretch)
+        score = look(open_scene(config), config, 0, 0.0).score
+        drops[stretch] = (score.found, score.response_drop or 0.0)
+    assert drops[1.0] < drops[2.0]
+    assert drops[1.0][1] < 0.75 * drops[2.0][1]
+
+
+@pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
+    small_scene: Path, tmp_path: Path, renderer: Renderer
+) -> None:
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        run(FloorConfig(str(small_scene), renderer=renderer, seed=seed), tmp_path / name)
+    assert checksums(tmp_path / "a") == checksums(tmp_path / "b")
+    assert checksums(tmp_path / "a")["frame.png"] != checksums(tmp_path / "c")["frame.png"]
+
+
+def test_a_flight_has_a_row_a_frame_a_summary_and_a_film_that_plays(small_scene: Path, tmp_path: Path) -> None:
+    import av
+
+    result = run(FloorConfig(str(small_scene), renderer="exact", frames=4), tmp_path)
+    with (tmp_path / "frames.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["frame"] for row in rows] == ["0", "1", "2", "3"]
+    assert result["markers_in_view"] == sum(int(row["markers_in_view"]) for row in rows)
+    assert result["markers_found"] == sum(int(row["markers_found"]) for row in rows) == 12
+    with av.open(str(tmp_path / "flight.mp4")) as container:
+        assert len(list(container.decode(video=0))) == 4
+        assert container.streams.video[0].codec_context.name == "h264"
+
+
+def test_a_frame_of_a_flight_does_not_depend_on_the_others(small_scene: Path) -> None:
+    setup = load_scene(small_scene)
+    config = FloorConfig(str(small_scene), renderer="exact", seed=5)
+    alone = look(setup, config, 2, 0.5).frame.image
+    look(setup, config, 0, 0.0)
+    assert np.array_equal(look(setup, config, 2, 0.5).frame.image, alone)
+
+
+def resident_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
+def test_memory_is_flat_over_200_frames(small_scene: Path, renderer: Renderer) -> None:
+    config = FloorConfig(str(small_scene), renderer=renderer, frames=200)
+    after_50 = 0.0
+    for view in fly(load_scene(small_scene), config):
+        if view.index == 50:
+            after_50 = resident_mb()
+    assert resident_mb() - after_50 < 20
+
+
+def script(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(ROOT / "scripts" / "render_floor.py"), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> None:
+    done = script("--scene", str(small_scene), "--out", str(tmp_path / "o"), "--renderer", "exact")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip().splitlines()[-1].endswith("o/report.html")
+    quiet = script("--scene", str(small_scene), "--out", str(tmp_path / "o"), "--renderer", "exact", "--quiet")
+    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--texture", "marble"), "textures.floor: expected one of gravel, brick, grass, got 'marble'"),
+        (("--scene", "nowhere.toml"), "nowhere.toml: cannot be read"),
+        (("--seed", "-1"), "--seed: expected 0 or more, got -1"),
+        (("--frames", "0"), "--frames: expected 1…1000000, got 0"),
+        (("--stretch", "nan"), "--stretch: expected 0.25…8, got nan"),
+        (("--renderer", "povray"), "--renderer: expected auto, gl or exact, got povray"),
+        (("--out", "/dev/null/x"), "--out /dev/null/x: expected a folder that can be written"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2_and_leaves_nothing(
+    tmp_path: Path, arguments: tuple[str, str], message: str
+) -> None:
+    out = tmp_path / "out"
+    done = script("--out", str(out), *arguments) if arguments[0] != "--out" else script(*arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not out.exists()
+
+
+def test_a_faulty_configuration_is_refused_before_any_work(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--frames"):
+        FloorConfig(frames=2_000_000)

@@ -1,0 +1,104 @@
+"""The camera from decoded arrays: exact without noise, its ambiguity named, wrong maps refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from peaksim.geometry.pose import Pose, invert
+
+from peakmark import decode_arrays
+from peakmark.arrays.decode import MarkerArray
+from peakmark.errors import InputError
+from peakmark.localise.from_arrays import Place, pose_from_arrays, turned_to
+from peakmark.markers.array_code import THREE_BIT
+from tests.peakmark.arrays.arrays_scene import CAMERA, SIDE_M, Printed, detections, facing_wall, printed_array
+
+AXES = np.array([[1.0, 0], [0, -1], [0, 0]])
+
+
+def place(center_m: tuple[float, float]) -> Place:
+    offsets = (np.array(THREE_BIT.cells) - 0.5) * [1, -1] * SIDE_M * THREE_BIT.pitch
+    return Place(np.pad(offsets + center_m, ((0, 0), (0, 1))), AXES, SIDE_M)
+
+
+def seen(printed: list[Printed], pose: Pose, noise_px: float = 0.0) -> tuple[MarkerArray, ...]:
+    found, shapes = detections(printed, pose)
+    errors = noise_px * np.random.default_rng(0).standard_normal((len(found), 2))
+    return decode_arrays(replace(d, xy=d.xy + e, affinity=s) for d, s, e in zip(found, shapes, errors, strict=True))
+
+
+def apart(a: Pose, b: Pose) -> tuple[float, float]:
+    step = invert(a) @ b
+    cosine = np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)
+    return float(np.linalg.norm(step[:3, 3])), float(np.degrees(np.arccos(cosine)))
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 7), st.floats(0.4, 3), st.floats(15, 45), st.floats(0, 360), st.floats(0, 360))
+def test_one_array_gives_the_pose_and_its_mirror(
+    code: int, distance: float, tilt: float, direction: float, roll: float
+) -> None:
+    truth = facing_wall(distance, tilt, direction, roll)
+    found = pose_from_arrays(CAMERA, seen(printed_array(code), truth), {code: place((0.0, 0.0))})
+    assert found is not None
+    position, angle = apart(found.fit.world_from_camera, truth)
+    assert position < 0.003 * distance
+    assert angle < 0.3
+    if found.other is not None:
+        assert apart(found.other.world_from_camera, truth)[1] > angle
+        assert found.other.cost >= found.fit.cost
+
+
+def test_far_arrays_seen_nearly_squarely_are_uncertain_and_near_ones_are_not() -> None:
+    near, far = (
+        pose_from_arrays(CAMERA, seen(printed_array(5), facing_wall(d, t, 40, 10), 0.1), {5: place((0.0, 0.0))})
+        for d, t in ((0.5, 40), (4.0, 12))
+    )
+    assert near is not None
+    assert near.is_certain
+    assert far is not None
+    assert not far.is_certain
+
+
+def test_several_arrays_are_certain_and_their_pose_is_good() -> None:
+    spots = {0: (-0.6, 0.2), 3: (0.5, 0.3), 6: (0.1, -0.4)}
+    truth = facing_wall(2.5, 20, 100, 30)
+    arrays = seen([p for code, xy in spots.items() for p in printed_array(code, xy)], truth, 0.05)
+    places = {code: place(xy) for code, xy in spots.items()}
+    assert sorted(a.code for a in arrays if a.code is not None) == [0, 3, 6]
+    found = pose_from_arrays(CAMERA, arrays, places)
+    assert found is not None
+    assert found.is_certain
+    assert len(found.fit.errors_px) == 9
+    position, angle = apart(found.fit.world_from_camera, truth)
+    assert position < 0.005
+    assert angle < 0.1
+
+
+def test_arrays_off_the_map_or_without_a_code_say_nothing() -> None:
+    arrays = seen(printed_array(5), facing_wall(1, 20, 0, 0))
+    assert pose_from_arrays(CAMERA, arrays, {4: place((0.0, 0.0))}) is None
+    assert pose_from_arrays(CAMERA, [replace(arrays[0], code=None)], {5: place((0.0, 0.0))}) is None
+    assert pose_from_arrays(CAMERA, [], {}) is None
+
+
+def test_bad_input() -> None:
+    arrays = seen(printed_array(5), facing_wall(1, 20, 0, 0))
+    plain = decode_arrays(detections(printed_array(5), facing_wall(1, 20, 0, 0))[0])
+    with pytest.raises(InputError, match="expected refined markers"):
+        pose_from_arrays(CAMERA, plain, {5: place((0.0, 0.0))})
+    with pytest.raises(InputError, match="as many markers as their arrays"):
+        pose_from_arrays(CAMERA, arrays, {5: replace(place((0.0, 0.0)), centers_m=np.zeros((2, 3)))})
+
+
+@given(st.floats(-180, 180), st.integers(0, 3))
+def test_shapes_are_turned_by_quarters_only(direction: float, quarters: int) -> None:
+    along = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
+    shape = np.array([[20.0, 3.0], [-2.0, 15.0]])
+    turned = turned_to(shape @ np.linalg.matrix_power([[0, -1], [1, 0]], quarters), along)
+    assert np.linalg.det(turned) == pytest.approx(np.linalg.det(shape))
+    options = [shape[:, 0], shape[:, 1], -shape[:, 0], -shape[:, 1]]
+    best = max(options, key=lambda s: float(s @ along / np.linalg.norm(s)))
+    assert turned[:, 0] @ along / np.linalg.norm(turned[:, 0]) == pytest.approx(best @ along / np.linalg.norm(best))

@@ -1,0 +1,124 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from peakmark import marker
+from peakmark.errors import InputError
+from peakmark.markers.sheet import (
+    Page,
+    Placed,
+    Print,
+    array_tile,
+    marker_items,
+    marker_tile,
+    pages,
+    paper_size,
+    printable,
+)
+from peakmark.markers.sheet_files import raster
+from peakmark.markers.sheet_shapes import Box
+
+A4 = (210.0, 297.0)
+
+
+@given(
+    side=st.floats(5, 90),
+    border=st.floats(0, 10),
+    count=st.integers(1, 40),
+    paper=st.sampled_from(["a3", "a4", "letter"]),
+)
+def test_every_marker_is_on_its_page_once_and_apart_from_the_others(side, border, count, paper):
+    laid_out = pages([marker_tile(Print("surf", side))] * count, paper_size(paper), border)
+    assert sum(len(page.markers) for page in laid_out) == count
+    for page in laid_out:
+        centers = np.array([(m.x_mm, m.y_mm) for m in page.markers])
+        reach = side / 2 + border
+        assert (centers - reach >= 8).all()
+        assert (centers + reach <= np.array([page.width_mm, page.height_mm]) - 8).all()
+        gaps = np.abs(centers[:, None] - centers[None]).max(axis=-1)[~np.eye(len(centers), dtype=bool)]
+        assert (gaps >= 2 * reach).all()
+
+
+def test_pages_are_filled_before_another_is_begun():
+    laid_out = pages([marker_tile(Print("surf", 30.0))] * 25, A4, border_mm=0)
+    assert [len(page.markers) for page in laid_out] == [24, 1]
+
+
+@pytest.mark.parametrize("code", range(8))
+def test_array_leaves_the_upper_left_blank_and_carries_its_bits_in_the_papers_order(code):
+    markers = array_tile(code, side_mm=30, gap_mm=10).markers
+    assert {(m.x_mm, m.y_mm) for m in markers} == {(55, 15), (15, 55), (55, 55)}
+    top = min(markers, key=lambda m: m.y_mm)
+    left = min(markers, key=lambda m: m.x_mm)
+    (rest,) = (m for m in markers if m is not top and m is not left)
+    bits = [int(m.marker.polarity == "light") for m in (top, left, rest)]
+    assert bits == [code >> 2 & 1, code >> 1 & 1, code & 1]
+
+
+@pytest.mark.parametrize("polarity", ["dark", "light"])
+@pytest.mark.parametrize("limit", ["energy", "range"])
+def test_boxes_of_the_surf_marker_paint_its_cells(polarity, limit):
+    painted = np.full((9, 9), -1.0)
+    for box in marker_items(Placed(Print("surf", 9.0, polarity, limit), 4.5, 4.5)):
+        assert isinstance(box, Box)
+        edges = [box.x_mm, box.x_mm + box.width_mm, box.y_mm, box.y_mm + box.height_mm]
+        left, right, top, bottom = (round(edge) for edge in edges)
+        assert edges == pytest.approx([left, right, top, bottom])
+        painted[top:bottom, left:right] = box.gray
+    np.testing.assert_array_equal(painted, marker.surf_cells(polarity, limit))
+
+
+@pytest.mark.parametrize("polarity", ["dark", "light"])
+def test_printed_sift_marker_is_the_one_of_marker(polarity):
+    """At 25.4 dpi a millimetre is a dot: a sheet's 181 mm DoG is `sift_marker`'s picture, area-sampled."""
+    (page,) = pages([marker_tile(Print("sift", 181.0, polarity))], (301.0, 300.0), border_mm=0)
+    (place,) = page.markers
+    left, top = (round(c - 90.5) for c in (place.x_mm, place.y_mm))
+    assert (place.x_mm, place.y_mm) == (left + 90.5, top + 90.5)
+    sheet = raster(page, 25.4)[top : top + 181, left : left + 181] / 257
+    expected = marker.sift_marker(181 / 12, 181, polarity)
+    assert np.abs(sheet - expected).max() < 1.5
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: marker_tile(Print("orb", 80.0)),
+        lambda: marker_tile(Print("surf", 0.0)),
+        lambda: marker_tile(Print("surf", float("nan"))),
+        lambda: array_tile(8, 30.0),
+        lambda: array_tile(0, 30.0, gap_mm=-1.0),
+        lambda: pages([marker_tile(Print("surf", 190.0))], A4),
+        lambda: pages([marker_tile(Print("surf", 80.0))], A4, border_mm=-1.0),
+        lambda: pages([marker_tile(Print("surf", 80.0))], A4, label="a\nb"),
+        lambda: paper_size("b9"),
+        lambda: paper_size("10x10"),
+        lambda: paper_size("nanxnan"),
+        lambda: printable("日本"),
+        lambda: printable("x" * 81),
+    ],
+)
+def test_what_cannot_be_printed_is_refused_in_one_line(call):
+    with pytest.raises(InputError, match=r"expected .* got ") as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_marker_larger_than_the_page_is_told_the_largest_size():
+    with pytest.raises(InputError, match=r"at most 185 mm .* 210 × 297 mm, got 200 mm"):
+        pages([marker_tile(Print("surf", 190.0))], A4, border_mm=5)
+    assert pages([marker_tile(Print("surf", 175.0))], A4, border_mm=5)
+
+
+@settings(deadline=None)
+@given(side=st.floats(20, 60), x=st.floats(40, 60), y=st.floats(40, 60), dpi=st.sampled_from([90.0, 150.0]))
+def test_raster_keeps_position_and_ink_of_a_marker_at_any_phase(side, x, y, dpi):
+    place = Placed(Print("surf", side, "dark", "range"), x, y)
+    page = Page(100.0, 100.0, 50.0, marker_items(place), (place,))
+    ink = 255.0 - raster(page, dpi)
+    dots = dpi / 25.4
+    assert ink.sum() / 255 == pytest.approx(21 * (side / 9 * dots) ** 2, rel=0.01)
+    rows, columns = np.indices(ink.shape)
+    assert (ink * (columns + 0.5)).sum() / ink.sum() / dots == pytest.approx(x, abs=0.02)
+    assert (ink * (rows + 0.5)).sum() / ink.sum() / dots == pytest.approx(y, abs=0.02)

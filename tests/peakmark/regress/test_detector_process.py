@@ -1,0 +1,177 @@
+"""Finders in processes: users' functions, OpenCV's features and programs; the bad ones fail on their image alone."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from peakmark.errors import InputError
+from peakmark.regress.detector_process import command_of, run_process
+from peakmark.regress.detector_protocol import FinderFailure
+from tests.peaksim.corpus.helpers import child_environment
+
+SPOT = np.full((40, 60), 20, np.uint8)
+SPOT[11, 33] = 250
+DARK = np.zeros((40, 60), np.uint8)
+
+
+@pytest.fixture(autouse=True)
+def children_find_this_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", child_environment()["PYTHONPATH"])
+
+
+def test_a_users_function_of_key_points_with_parameters() -> None:
+    with run_process("tests.user_detectors:brightest", {"size": 9.0}, 10, 30) as find:
+        for _ in range(3):
+            found = find(SPOT)
+            assert found.detections is None
+            assert found.features.xy.tolist() == [[33, 11]]
+            assert (found.features.size[0], found.features.response[0]) == (9, 250)
+
+
+def test_a_users_function_of_detections() -> None:
+    with run_process("tests.user_detectors:detection", {}, 10, 30) as find:
+        (detection,) = find(SPOT).detections or ()
+    assert detection.xy.tolist() == [33, 11]
+    assert (detection.polarity, detection.size, detection.response) == ("light", 5.0, 7.5)
+    assert (detection.signature_distance, detection.rank) == (0.25, 3)
+
+
+def test_a_users_function_of_both() -> None:
+    with run_process("tests.user_detectors:everything", {}, 10, 30) as find:
+        found = find(SPOT)
+    assert len(found.features) == len(found.detections or ()) == 1
+
+
+def test_what_a_function_prints_is_no_answer() -> None:
+    with run_process("tests.user_detectors:chatty", {}, 10, 30) as find:
+        assert [len(find(SPOT).features) for _ in range(2)] == [1, 1]
+
+
+def test_any_feature_of_opencv() -> None:
+    import cv2
+
+    noise = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
+    with run_process("cv2:ORB", {"nfeatures": 50}, 10, 30) as find:
+        found = find(noise).features
+    expected = cv2.ORB_create(nfeatures=50).detect(noise, None)
+    assert sorted(map(tuple, found.xy.tolist())) == sorted(point.pt for point in expected)
+    assert (np.diff(found.response) <= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        ("hangs_on_dark", r"timeout: no answer within 2 s"),
+        ("dies_on_dark", r"crash: it ended with status 7: out of luck"),
+        ("raises_on_dark", r"error: ZeroDivisionError: too dark to see"),
+        ("nan_on_dark", r"error: InputError: expected finite positions and responses, got nan"),
+    ],
+)
+def test_a_fault_costs_one_image_and_no_more(function: str, words: str) -> None:
+    with run_process(f"tests.user_detectors:{function}", {}, 2, 30) as find:
+        find(SPOT)
+        with pytest.raises(FinderFailure, match=words) as caught:
+            find(DARK)
+        assert "\n" not in str(caught.value)
+        assert find(SPOT).features.xy.tolist() == [[33, 11]]
+
+
+def test_what_is_no_result_is_an_error() -> None:
+    with (
+        run_process("tests.user_detectors:wrong_type", {}, 10, 30) as find,
+        pytest.raises(FinderFailure, match=r"error: InputError: .*expected Keypoints.*got dict"),
+    ):
+        find(SPOT)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("no_such_module:f", "no_such_module:f: .*cannot be imported"),
+        ("tests.user_detectors:nothing", "cannot be imported"),
+        ("tests.user_detectors:SPEED", "cannot be imported"),
+        ("cv2:NoSuch", "expected cv2:NAME of a cv2.Feature2D, got 'cv2:NoSuch'"),
+        ("exec:/no/such/program --fast", "/no/such/program: cannot be started: No such file"),
+        ("exec:", "got no program"),
+        ("exec:'", "No closing quotation"),
+    ],
+)
+def test_what_cannot_be_started_is_one_line(name: str, words: str) -> None:
+    def start() -> None:
+        with run_process(name, {}, 10, 30):
+            pass
+
+    with pytest.raises(InputError, match=words) as caught:
+        start()
+    assert "\n" not in str(caught.value)
+
+
+# --- programs ---------------------------------------------------------------------------------------------------
+
+PROGRAM = """
+import json, sys, time
+from PIL import Image
+for line in sys.stdin:
+    asked = json.loads(line)
+    assert Image.open(asked["image"]).size == (asked["width"], asked["height"])
+    answer = {"frame": asked["frame"], "detections": [{"x": 3, "y": 4.5}]}
+    {FAULT}
+    print(json.dumps(answer), flush=True)
+"""
+
+
+def program(folder: Path, fault: str = "pass") -> str:
+    """Return the name of a finder that is a program, with a fault on its first image."""
+    path = folder / "it's a finder.py"
+    path.write_text(PROGRAM.replace("{FAULT}", fault))
+    return f'exec:{sys.executable} "{path}"'
+
+
+def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
+    with run_process(program(tmp_path), {}, 10, 30) as find:
+        for _ in range(2):
+            (detection,) = find(SPOT).detections or ()
+            assert (*detection.xy, detection.polarity) == (3, 4.5, "dark")
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("print('Hello'); sys.stdout.flush()", "rubbish: expected a line of JSON, got 'Hello"),
+        ("answer = [1]", "rubbish: expected .*got"),
+        ("answer['frame'] += 5", "rubbish: expected"),
+        ("del answer['detections']", "rubbish: expected"),
+        ("answer['detections'] = 5", "rubbish: detections: expected a list"),
+        ("answer['detections'] = [5]", "rubbish: detections: expected points"),
+        ("answer['detections'][0]['x'] = float('nan')", "rubbish: detections: x: expected a finite number, got 'nan'"),
+        ("answer['detections'][0]['x'] = 'left'", "rubbish: detections: x: expected a finite number, got 'left'"),
+        ("del answer['detections'][0]['y']", "rubbish: detections: y: expected a finite number, got 'None'"),
+        ("answer = {'frame': asked['frame'], 'error': 'no licence'}", "error: no licence"),
+        ("sys.exit('killed by the\\nlawyers')", "crash: it ended with status 1: lawyers"),
+        ("time.sleep(99)", "timeout"),
+    ],
+)
+def test_a_programs_fault_costs_one_image(tmp_path: Path, fault: str, words: str) -> None:
+    mark = tmp_path / "seen"
+    once = f"import os\n    if not os.path.exists({str(mark)!r}):\n        open({str(mark)!r}, 'w'); {fault}"
+    with run_process(program(tmp_path, once), {}, 2, 2) as find:
+        with pytest.raises(FinderFailure, match=words):
+            find(SPOT)
+        assert find(SPOT).detections
+
+
+def test_nothing_is_left_behind(tmp_path: Path) -> None:
+    with run_process("tests.user_detectors:brightest", {}, 10, 30) as find:
+        find(SPOT)
+        process = find._process
+        assert process is not None
+        folder = find._folder
+        assert sorted(p.name for p in folder.iterdir()) == ["stderr.txt"]
+    assert not folder.exists()
+    assert process.poll() is not None
+
+
+def test_no_shell_reads_a_programs_name() -> None:
+    assert command_of("exec:find . ; rm -rf $HOME", {}) == ["find", ".", ";", "rm", "-rf", "$HOME"]

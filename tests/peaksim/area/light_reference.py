@@ -1,0 +1,83 @@
+"""Light and shadow by brute force: many rays a pixel, each with one to every light; written apart from the renderer."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from peaksim import Camera, Light, Scene
+
+from tests.peaksim.area.area_reference import permuted_offsets
+
+Points = NDArray[np.float64]
+
+
+def lit_integral(scene: Scene, camera: Camera, pose: NDArray[np.float64], n: int = 16) -> NDArray[np.float64]:
+    """Return the (h, w) mean of n × n rays a pixel through quads of one grey level and grey meshes, with lights."""
+    squares = [q.corners_m[[[0, 1, 2], [0, 2, 3]]] for q in scene.quads]
+    solids = [m.triangles_m for m in scene.meshes]
+    triangles = np.concatenate([*squares, *solids])
+    levels = np.concatenate(
+        [np.full(2, float(q.texture.pixels.ravel()[0])) for q in scene.quads]
+        + [np.full(len(m.faces), m.color[0]) for m in scene.meshes]
+    )
+    blockers = np.concatenate([np.zeros((0, 3, 3)), *solids])
+    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1)
+    total = np.zeros(len(pixels))
+    for offset in permuted_offsets(n):
+        rays = camera.unproject(pixels + offset) @ pose[:3, :3].T
+        t, hit = nearest(np.broadcast_to(pose[:3, 3], rays.shape), rays, triangles)
+        seen = np.isfinite(t)
+        places = pose[:3, 3] + np.where(seen, t, 0)[:, None] * rays
+        corners = triangles[hit]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        normals *= -np.sign((normals * rays).sum(axis=1, keepdims=True))
+        light = sum(multiplier(one, places, normals, blockers) for one in scene.lights)
+        total += np.where(seen, levels[hit] * light, scene.background)
+    return (total / n**2).reshape(camera.height, camera.width)
+
+
+def multiplier(light: Light, places: Points, normals: Points, blockers: Points) -> NDArray[np.float64]:
+    """Return the (m,) multiplier of one light, as `Light` defines it."""
+    if light.kind == "ambient":
+        return np.full(len(places), light.intensity)
+    if light.kind == "directional":
+        ways = np.broadcast_to(-np.asarray(light.direction) * 1e3, places.shape)
+    else:
+        ways = np.asarray(light.position_m) - places
+    lengths = np.linalg.norm(ways, axis=1)
+    cosines = np.maximum((ways * normals).sum(axis=1) / lengths, 0)
+    falloff = (light.reference_m / lengths) ** 2 if light.kind == "point" else 1.0
+    if light.casts_shadows:
+        cosines[nearest(places + 1e-6 * normals, ways, blockers)[0] < 1] = 0
+    return light.intensity * cosines * falloff
+
+
+def nearest(origins: Points, rays: Points, triangles: Points) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the (m,) parameter and number of the first triangle on each ray, inf where there is none."""
+    best, number = np.full(len(rays), np.inf), np.zeros(len(rays), np.int64)
+    sides = np.roll(triangles, -1, axis=1) - triangles
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    planes = np.concatenate([normals[:, None], np.cross(normals[:, None], sides)], axis=1)
+    _find_nearest(np.ascontiguousarray(origins), np.ascontiguousarray(rays), triangles, planes, best, number)
+    return best, number
+
+
+@njit(cache=True)
+def _find_nearest(origins, rays, triangles, planes, best, number):  # type: ignore[no-untyped-def]
+    for i in range(len(rays)):
+        for k in range(len(triangles)):
+            slope = height = 0.0
+            for axis in range(3):
+                slope += rays[i, axis] * planes[k, 0, axis]
+                height += (triangles[k, 0, axis] - origins[i, axis]) * planes[k, 0, axis]
+            t = height / slope if slope != 0.0 else np.inf
+            inside = 0.0 < t < best[i]
+            for side in range(3):
+                inward = 0.0
+                for axis in range(3):
+                    place = origins[i, axis] + t * rays[i, axis]
+                    inward += (place - triangles[k, side, axis]) * planes[k, side + 1, axis]
+                inside = inside and inward >= 0.0
+            if inside:
+                best[i], number[i] = t, k

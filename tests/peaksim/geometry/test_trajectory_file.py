@@ -1,0 +1,83 @@
+"""Trajectory files: written and read back, foreign files as their makers define them, and refused ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from peaksim import load_trajectory
+from peaksim.errors import SceneError
+from peaksim.geometry.trajectory import Trajectory, line, orbit
+from peaksim.geometry.trajectory_file import Format, save_trajectory
+
+
+@pytest.mark.parametrize("format", ["tum", "euroc", "kitti"])
+def test_write_then_read(tmp_path: Path, format: Format) -> None:
+    way = orbit([0, 0, 0], 2.0, 1.0, duration_s=3.6, steps=36)  # 0.1 s a step, which KITTI assumes
+    save_trajectory(way, tmp_path / "way", format)
+    again = load_trajectory(tmp_path / "way")
+    assert np.allclose(again.times_s, way.times_s, atol=1e-9)
+    assert np.allclose(again.world_from_camera, way.world_from_camera, atol=1e-12)
+
+
+def test_tum_as_its_authors_define_it(tmp_path: Path) -> None:
+    # a quarter turn about z: (qx, qy, qz, qw) = (0, 0, √½, √½); x of the camera points along world y
+    (tmp_path / "g.txt").write_text("# timestamp tx ty tz qx qy qz qw\n1305031.5 1 2 3 0 0 0.70710678 0.70710678\n")
+    way = load_trajectory(tmp_path / "g.txt")
+    assert way.times_s == [1305031.5]
+    assert np.allclose(way.world_from_camera[0, :3], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]], atol=1e-7)
+
+
+def test_euroc_has_nanoseconds_w_first_and_further_columns(tmp_path: Path) -> None:
+    rows = "\n".join(f"{1403636580838555648 + i * 5_000_000},1,2,3,0.70710678,0,0,0.70710678,9,9,9" for i in range(3))
+    (tmp_path / "data.csv").write_text("#timestamp, p_RS_R_x [m], ...\n" + rows)
+    way = load_trajectory(tmp_path / "data.csv")
+    assert np.allclose(np.diff(way.times_s), 0.005, atol=1e-12)
+    assert np.allclose(way.world_from_camera[0, :3], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]], atol=1e-7)
+
+
+def test_kitti_rotations_with_few_decimals_are_mended(tmp_path: Path) -> None:
+    (tmp_path / "00.txt").write_text("0.8660 -0.5 0 1 0.5 0.8660 0 2 0 0 1 3\n")
+    way = load_trajectory(tmp_path / "00.txt")
+    assert np.allclose(way.world_from_camera[0, :3, 3], [1, 2, 3])
+    assert way.world_from_camera[0, 1, 0] == pytest.approx(0.5, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected at least one pose"),
+        ("# only a comment\n", "expected at least one pose"),
+        ("1 2 3\n", "expected 8 columns"),
+        ("0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0\n", "line 2: expected 8 columns, got 7"),
+        ("0 0 0 zero 0 0 0 1\n", "line 1: expected numbers"),
+        ("0 0 0 nan 0 0 0 1\n", "line 1: expected finite numbers"),
+        ("0 0 0 0 0 0 0 2\n", "pose 0: expected a unit quaternion, got one of length 2"),
+        ("0 0 0 0 0 0 0 0\n", "pose 0: expected a unit quaternion"),
+        ("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", "strictly increasing times, got 0 followed by 0"),
+        ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "strictly increasing times, got 2 followed by 1"),
+        ("1 0 0 0 0 2 0 0 0 0 1 0\n", "pose 0: expected a rigid transform"),
+    ],
+)
+def test_faulty_files_are_one_line_that_names_them(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "bad.txt"
+    file.write_text(text)
+    with pytest.raises(SceneError) as caught:
+        load_trajectory(file)
+    assert str(caught.value).startswith(str(file))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_binary_files(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="cannot be read"):
+        load_trajectory(tmp_path / "nowhere")
+    (tmp_path / "b").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(SceneError, match="is not a text file"):
+        load_trajectory(tmp_path / "b")
+
+
+def test_times_of_a_short_way_survive(tmp_path: Path) -> None:
+    way = line(np.eye(4), np.eye(4), 1 / 3)
+    save_trajectory(way, tmp_path / "w")
+    assert isinstance(again := load_trajectory(tmp_path / "w"), Trajectory)
+    assert again.times_s[1] == 1 / 3

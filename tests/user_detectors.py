@@ -1,0 +1,123 @@
+"""Finders as users might bring them, good and bad: run as `module:function` in a process of their own."""
+
+import os
+import time
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.identification.api import LOW_THRESHOLD
+from peakmark.identification.detection import Detection
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.regress.detector import FinderSettings, built_in
+from peakmark.regress.detector_protocol import Found
+
+
+def brightest(gray: NDArray[np.uint8], size: float = 5.0) -> list[cv2.KeyPoint]:
+    """Find the brightest pixel."""
+    y, x = np.unravel_index(np.argmax(gray), gray.shape)
+    return [cv2.KeyPoint(float(x), float(y), size, -1.0, float(gray[y, x]))]
+
+
+def detection(gray: NDArray[np.uint8]) -> tuple[Detection, ...]:
+    """Take the brightest pixel for a marker."""
+    y, x = np.unravel_index(np.argmax(gray), gray.shape)
+    return (Detection(0, np.array([x, y], float), 5.0, "light", 7.5, 0.25, 3),)
+
+
+def chatty(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Print while working, as much user code does."""
+    print('{"frame": 0, "keypoints": []}')
+    return brightest(gray)
+
+
+def hangs_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    if gray.max() < 10:
+        time.sleep(1000)
+    return brightest(gray)
+
+
+def dies_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    if gray.max() < 10:
+        print("out of luck", file=__import__("sys").stderr, flush=True)
+        os._exit(7)
+    return brightest(gray)
+
+
+def raises_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    if gray.max() < 10:
+        raise ZeroDivisionError("too dark\nto see")
+    return brightest(gray)
+
+
+def nan_on_dark(gray: NDArray[np.uint8]) -> Any:
+    if gray.max() < 10:
+        return [cv2.KeyPoint(float("nan"), 1.0, 1.0)]
+    return brightest(gray)
+
+
+def wrong_type(gray: NDArray[np.uint8]) -> Any:
+    return {"x": 1}
+
+
+def always_nan(gray: NDArray[np.uint8]) -> Any:
+    return [cv2.KeyPoint(float("nan"), 1.0, 1.0)]
+
+
+def always_dies(gray: NDArray[np.uint8]) -> Any:
+    os._exit(7)
+
+
+def fails_on_every_third(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Fail on every third picture, by what is in it."""
+    if int(gray.sum()) % 3 == 1:
+        raise RuntimeError("not today")
+    return brightest(gray)
+
+
+def everything(gray: NDArray[np.uint8]) -> Found:
+    """Return features and detections together."""
+    return Found(Keypoints.from_opencv(brightest(gray)), detection(gray))
+
+
+# --- planted faults: our own finder with one thing broken ---------------------------------------------------------
+
+
+def markers(gray: NDArray[np.uint8], **parameters: Any) -> Found:
+    """Find markers as the suite of the floor does."""
+    return built_in(FinderSettings(stretch=1.5, parameters=parameters))(gray)
+
+
+def shifted(found: Found) -> Found:
+    """Take pixel corners for centres, along x."""
+    moved = tuple(replace(d, xy=np.add(d.xy, (0.5, 0.0))) for d in found.detections or ())
+    return Found(found.features.with_columns(xy=found.features.xy + np.float32([0.5, 0])), moved)
+
+
+def swapped(found: Found) -> Found:
+    """Take light for dark, as the sign of OpenCV's class_id invites one to."""
+    return Found(
+        found.features,
+        tuple(replace(d, polarity="light" if d.polarity == "dark" else "dark") for d in found.detections or ()),
+    )
+
+
+FAULTS = ("threshold × 2", "one octave missing", "half a pixel", "polarity swapped")
+
+
+def with_faults(gray: NDArray[np.uint8]) -> dict[str, Found]:
+    """Return what the sound finder finds, under "sound", and what each faulty one does."""
+    sound = markers(gray)
+    faulty = (markers(gray, threshold=2 * LOW_THRESHOLD), markers(gray, octaves=3), shifted(sound), swapped(sound))
+    return {"sound": sound, **dict(zip(FAULTS, faulty, strict=True))}
+
+
+def half_pixel_shift(gray: NDArray[np.uint8]) -> Found:
+    return shifted(markers(gray))
+
+
+def polarity_swapped(gray: NDArray[np.uint8]) -> Found:
+    return swapped(markers(gray))
