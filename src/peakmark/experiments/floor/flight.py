@@ -139,9 +139,9 @@ def judge(frame: Frame, stretch: Stretch, rule: Rule, index: int, render_s: floa
     start = perf_counter()
     gray = as_gray(frame.image)
     strongest = None if rule == "paper" else identification.STRONGEST
-    features = identification.stretched_features(gray, stretch, strongest=strongest)
+    features = identification.detect_stretched(gray, stretch, strongest=strongest)
     detected = perf_counter()
-    found = identification.examine(gray, features, "dark", rule, stretch)
+    found = identification.identify_features(gray, features, "dark", rule, stretch)
     identified = perf_counter()
     score = score_frame(frame.truth, found.detections, found.features)
     seconds = {

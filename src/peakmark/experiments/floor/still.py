@@ -96,10 +96,12 @@ def look(setup: Setup, config: FloorConfig, index: int, time_s: float) -> View:
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     rendered = perf_counter()
     picture = as_gray(frame.image)
-    features = identification.stretched_features(picture, config.stretch)
+    features = identification.detect_stretched(picture, config.stretch)
     detected = perf_counter()
     is_plain = config.rule == "paper"  # which knows no refinement
-    found = identification.examine(picture, features, "dark", config.rule, config.stretch, refine=not is_plain)
+    found = identification.identify_features(
+        picture, features, "dark", config.rule, config.stretch, refine=not is_plain
+    )
     score = score_frame(frame.truth, found.detections, found.features)
     times = {"render": rendered - start, "detect": detected - rendered, "identify": perf_counter() - detected}
     return View(index, frame, found, score, times)
