@@ -1,4 +1,4 @@
-"""Arrangements: the true one is found among turned, shifted, disturbed and incomplete copies of the map."""
+"""Arrangements: the true one is found among rotated, shifted, disturbed and incomplete copies of the map."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -21,7 +21,7 @@ def test_the_true_arrangement_comes_first(seed: int, turn: float, foreign: int) 
     assert len(found) <= MOST_HYPOTHESES
     best = found[0]
     assert best.count >= 8
-    assert np.allclose(rotated(seen, best.turn_rad) + best.shift_m, places[chosen], atol=0.03)
+    assert np.allclose(rotated(seen, best.rotation_rad) + best.shift_m, places[chosen], atol=0.03)
 
 
 def test_an_even_row_fits_one_step_on_as_well() -> None:

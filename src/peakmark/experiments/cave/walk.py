@@ -17,7 +17,8 @@ from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
 from peakmark.identification.search import SearchResult, detect_features, search_features
 from peakmark.keypoints.image import as_gray
-from peakmark.localise.from_arrays import ArrayPose, Place, pose_from_arrays
+from peakmark.localise.from_arrays import Place, pose_from_arrays
+from peakmark.localise.pose import PoseEstimate
 from peakmark.score.arrays import ArrayScore, PrintedArray, printed_arrays, score_arrays
 from peakmark.score.markers import Score, score_frame
 from peakmark.score.poses import pose_error
@@ -59,7 +60,7 @@ class Reading:
     """By the robust decoder."""
     by_paper: tuple[MarkerArray, ...]
     """By the paper's rule, which takes the arrays for upright."""
-    pose: ArrayPose | None
+    pose: PoseEstimate | None
     """The camera's, from all arrays whose code is on the map; None without any."""
     time_s: dict[str, float]
     """Seconds for "detect", "identify", "decode" and "localise"."""
