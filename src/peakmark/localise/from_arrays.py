@@ -97,7 +97,7 @@ def _corners(
 
 
 def rotated_to(affinity: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (2, 2) affinity rotated by the multiple of 90° that brings its first axis nearest to a direction (2,)."""
+    """Return the (2, 2) affinity rotated by the multiple of 90° that brings its first axis nearest to `along` (2,)."""
     quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
     shapes = [affinity @ np.linalg.matrix_power(quarter, k) for k in range(4)]
     return np.asarray(max(shapes, key=lambda s: float(s[:, 0] @ along) / float(np.linalg.norm(s[:, 0]))))
