@@ -201,7 +201,7 @@ def _check_parameters(
 
 
 def _check_keypoints(keypoints: Keypoints) -> None:
-    """Turn away key points whose window is empty, too large, or nowhere."""
+    """Refuse key points whose window is empty, too large, or nowhere."""
     limits = {"xy": (-_FARTHEST, _FARTHEST), "size": (_SMALLEST, _LARGEST), "angle": (-360.0, 360.0)}
     for name, (least, most) in limits.items():
         column = getattr(keypoints, name)
