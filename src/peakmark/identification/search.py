@@ -154,8 +154,9 @@ def search_image(gray: NDArray[np.uint8], classifier: Classifier | None = None) 
 
 def detect_features(gray: NDArray[np.uint8]) -> Keypoints:
     """Return the SURF features that the search for both polarities wants, strongest first."""
-    settings = {"threshold": model.THRESHOLD, "octaves": model.OCTAVES, "layers": model.LAYERS}
-    return inside(detect_to_the_border(gray, round(PAD_SHARE * max(gray.shape)), **settings), gray.shape)
+    pad = round(PAD_SHARE * max(gray.shape))
+    features = detect_to_the_border(gray, pad, threshold=model.THRESHOLD, octaves=model.OCTAVES, layers=model.LAYERS)
+    return inside(features, gray.shape)
 
 
 def search_features(gray: NDArray[np.uint8], features: Keypoints, classifier: Classifier | None = None) -> SearchResult:

@@ -172,16 +172,16 @@ def _orient_strongest(
     limit: int,
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """The first `limit` rows in `order` that have an orientation, and that orientation."""
-    asked = limit
+    tried = limit
     while True:
-        head = order[:asked]
+        head = order[:tried]
         angles = np.empty(len(records), dtype=np.float32)
         rows = np.sort(head)  # records lie in image order, which is kinder to the cache
         angles[rows] = measure_angles(integral, shape, records[rows, :2], records[rows, 3])
         chosen = head[angles[head] != NO_SAMPLE][:limit]
-        if len(chosen) == limit or asked >= len(order):
+        if len(chosen) == limit or tried >= len(order):
             return chosen, angles[chosen]
-        asked *= 2
+        tried *= 2
 
 
 def _check_parameters(
