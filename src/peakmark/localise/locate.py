@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, rotation_about, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rotation_about, transform
 
 from peakmark.errors import InputError
 from peakmark.localise.distance import Values, unit_rays
@@ -25,7 +25,6 @@ from peakmark.localise.pose import (
     PoseEstimate,
     PoseFit,
     expected_shapes,
-    pose_distance,
     refine_pose,
     refined_sigmas,
 )

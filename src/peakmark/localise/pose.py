@@ -7,9 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, transform
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from peakmark.localise.distance import Values
 
@@ -250,10 +249,3 @@ def is_other(a: PoseFit, b: PoseFit) -> bool:
     """Return whether two fits are different poses, not one minimum reached twice."""
     distance_m, angle_deg = pose_distance(a.world_from_camera, b.world_from_camera)
     return distance_m > SAME_M or angle_deg > SAME_DEG
-
-
-def pose_distance(a: Pose, b: Pose) -> tuple[float, float]:
-    """Return the distance in metres and the angle in degrees between two poses."""
-    apart = invert(a) @ b
-    angle_rad = Rotation.from_matrix(apart[:3, :3]).magnitude()
-    return float(np.linalg.norm(apart[:3, 3])), float(np.degrees(angle_rad))

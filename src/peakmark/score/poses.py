@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.geometry.pose import Pose
+from peaksim.geometry.pose import Pose, pose_distance
 
 from peakmark.errors import InputError
-from peakmark.localise.pose import pose_distance
 
 WRONG_M, WRONG_DEG = 0.1, 5.0
 """A pose that is farther off counts as wrong: a flip, or another place of the map."""
@@ -17,6 +16,7 @@ def pose_error(estimate: Pose | None, truth: Pose) -> tuple[float, float] | None
     """Return the distance in mm and the angle in degrees between two poses; None without an estimate."""
     if estimate is None:
         return None
+
     distance_m, angle_deg = pose_distance(truth, estimate)
     return 1000 * distance_m, angle_deg
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from peaksim.geometry.pose import Pose
+from peaksim.geometry.pose import Pose, pose_distance
 
 from peakmark import decode_arrays
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
 from peakmark.localise.from_arrays import Place, pose_from_arrays, rotated_to
-from peakmark.localise.pose import pose_distance
 from peakmark.markers.array_code import THREE_BIT
 from tests.peakmark.arrays.arrays_scene import CAMERA, SIDE_M, Printed, detections, facing_wall, printed_array
 
