@@ -1,4 +1,4 @@
-"""Finders as users might bring them, good and bad: run as `module:function` in a process of their own."""
+"""Detectors as users might bring them, good and bad: run as `module:function` in a process of their own."""
 
 import os
 import time
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from peakmark.identification.api import LOW_THRESHOLD
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.regress.detector import FinderSettings, built_in
+from peakmark.regress.detector import DetectorSettings, built_in_detector
 from peakmark.regress.detector_protocol import Found
 
 
@@ -83,12 +83,12 @@ def everything(gray: NDArray[np.uint8]) -> Found:
     return Found(Keypoints.from_opencv(brightest(gray)), detection(gray))
 
 
-# --- planted faults: our own finder with one thing broken ---------------------------------------------------------
+# --- planted faults: our own detector with one thing broken ---------------------------------------------------------
 
 
 def markers(gray: NDArray[np.uint8], **parameters: Any) -> Found:
     """Find markers as the suite of the floor does."""
-    return built_in(FinderSettings(stretch=1.5, parameters=parameters))(gray)
+    return built_in_detector(DetectorSettings(stretch=1.5, parameters=parameters))(gray)
 
 
 def shifted(found: Found) -> Found:
@@ -109,7 +109,7 @@ FAULTS = ("threshold × 2", "one octave missing", "half a pixel", "polarity swap
 
 
 def with_faults(gray: NDArray[np.uint8]) -> dict[str, Found]:
-    """Return what the sound finder finds, under "sound", and what each faulty one does."""
+    """Return what the sound detector finds, under "sound", and what each faulty one does."""
     sound = markers(gray)
     faulty = (markers(gray, threshold=2 * LOW_THRESHOLD), markers(gray, octaves=3), shifted(sound), swapped(sound))
     return {"sound": sound, **dict(zip(FAULTS, faulty, strict=True))}

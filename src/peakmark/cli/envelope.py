@@ -11,6 +11,8 @@ from rich.console import Console
 from rich.table import Table
 from typer import Option
 
+from peakmark.cli.options import Quiet, UnusedSeed
+from peakmark.cli.terminal import print_path
 from peakmark.errors import InputError
 from peakmark.experiments.detectability.envelope import REQUIRED, Rates, Reach, distance_m, load_rates, reach, sentence
 from peakmark.report import plots
@@ -29,8 +31,8 @@ def envelope(
     required: Annotated[float, Option(help="Detection rate that the lower end of its interval must reach.")] = REQUIRED,
     rates: Annotated[Path | None, Option(help="envelope.csv of a run of yours. [default: the shipped one]")] = None,
     out: Annotated[Path, Option(help="Folder for the map and result.json.")] = Path("out/envelope"),
-    seed: Annotated[int, Option(help="Taken by every command; nothing here is random.")] = 0,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+    seed: UnusedSeed = 0,
+    quiet: Quiet = False,
 ) -> None:
     """Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates."""
     focal_px = focal_length_px(camera)
@@ -97,8 +99,9 @@ def _print(title: str, side_m: float, reaches: list[Reach], out: Path) -> None:
     console = Console()
     console.print(table)
     oblique = [one for one in reaches if one.tilt_deg <= _OBLIQUE_DEG][-1:]
-    lines = [*(sentence(side_m, one) for one in oblique), f"Results: {out / 'envelope.png'}"]
-    console.print("\n".join(lines), soft_wrap=True)
+    for one in oblique:
+        console.print(sentence(side_m, one), soft_wrap=True)
+    print_path(console, out / "envelope.png")
 
 
 def _metres(value: Any) -> str:

@@ -6,7 +6,7 @@ It says "ready", or why it cannot; then it answers each line of `peakmark.regres
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -20,10 +20,11 @@ from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.regress.detector_protocol import Found, answer
 
-Find = Callable[[NDArray[np.uint8]], Any]
+UserFunction = Callable[[NDArray[np.uint8]], Any]
+"""Takes a (H, W) uint8 image and returns what `as_found` knows."""
 
 
-def load(name: str, parameters: dict[str, Any]) -> Find:
+def load(name: str, parameters: dict[str, Any]) -> UserFunction:
     """Return the function of an image behind "module:function" or "cv2:NAME"; both take parameters.
 
     Raises
@@ -58,9 +59,9 @@ def as_found(value: Any) -> Found:
     return found
 
 
-def serve(find: Find, frames: Any, reply: Callable[[bytes], None]) -> None:
+def serve(find: UserFunction, requests: Iterable[bytes], reply: Callable[[bytes], None]) -> None:
     """Answer requests until there are no more; what the function raises is an answer too."""
-    for line in frames:
+    for line in requests:
         asked = json.loads(line)
         try:
             reply(answer(asked["frame"], as_found(find(read_image(asked["image"])))))

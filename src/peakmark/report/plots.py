@@ -1,5 +1,6 @@
 """Figures: each function draws into the given matplotlib `ax` and returns nothing."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,13 @@ def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]
     return figure, figure.subplots()
 
 
-def save(figure: Any, path: Path) -> None:
-    """Write a figure as PNG or SVG; the bytes depend on the figure alone."""
-    if path.suffix == ".svg":
-        import matplotlib
+def save(figure: Any, target: Path | BytesIO, kind: str | None = None) -> None:
+    """Write a figure as "png" or "svg", by a path's ending unless given; the bytes depend on the figure alone."""
+    import matplotlib
 
-        with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
-            figure.savefig(path, dpi=150, metadata={"Date": None})
-    else:
-        figure.savefig(path, dpi=150, metadata={"Software": None})
+    kind = target.suffix[1:] if kind is None and isinstance(target, Path) else kind
+    with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
+        figure.savefig(target, format=kind, dpi=150, metadata={"Date" if kind == "svg" else "Software": None})
 
 
 def response_ranking(ax: Any, responses: NDArray[np.float32], is_marker: NDArray[np.bool_], most: int = 60) -> None:
@@ -54,8 +53,8 @@ def signature_ranking(ax: Any, distances: NDArray[np.float32], is_marker: NDArra
     ax.scatter(rank[other], distances[other], s=3, color=CLUTTER_COLOUR, alpha=0.5, linewidths=0, rasterized=True)
     ax.scatter(rank[is_marker], distances[is_marker], s=28, color=MARKER_COLOUR, marker="D", zorder=3)
     ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")
-    place = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
-    ax.text(0.99, limit + 0.01, f"limit {limit:g}", fontsize=8, **place)
+    corner = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
+    ax.text(0.99, limit + 0.01, f"limit {limit:g}", fontsize=8, **corner)
     ax.set(
         xscale="log",
         xlabel="rank of the feature by response",
@@ -78,19 +77,19 @@ def _legend(ax: Any) -> None:
     )
 
 
-def course(ax: Any, x: NDArray[np.float64], y: NDArray[np.float64], label: str, unit: str) -> None:
+def figure_over_time(ax: Any, x: NDArray[np.float64], y: NDArray[np.float64], label: str, unit: str) -> None:
     """Draw one figure of a flight over its frames."""
     ax.plot(x, y, color=MARKER_COLOUR, linewidth=1.2, marker="o", markersize=3)
     ax.set(xlabel="time (s)", ylabel=f"{label} ({unit})" if unit else label)
     ax.grid(alpha=0.3)
 
 
-def top_view(ax: Any, markers_m: NDArray[np.float64], ways_m: dict[str, NDArray[np.float64]]) -> None:
-    """Draw a floor from above: (n, 2) markers and named (k, 2) ways, metres; nan leaves a gap."""
+def top_view(ax: Any, markers_m: NDArray[np.float64], paths_m: dict[str, NDArray[np.float64]]) -> None:
+    """Draw a floor from above: (n, 2) markers and named (k, 2) paths, metres; nan leaves a gap."""
     styles = [("black", "-", 2.5), (MARKER_COLOUR, "-", 1.2), ("#0969da", "--", 1.2), ("#bc4c00", ":", 1.2)]
     ax.scatter(*markers_m.T, s=14, marker="s", color=CLUTTER_COLOUR, label="markers")
-    for (name, way), (colour, line, width) in zip(ways_m.items(), styles, strict=False):
-        ax.plot(*way.T, color=colour, linestyle=line, linewidth=width, label=name)
+    for (name, path), (colour, line, width) in zip(paths_m.items(), styles, strict=False):
+        ax.plot(*path.T, color=colour, linestyle=line, linewidth=width, label=name)
     ax.set(xlabel="x (m)", ylabel="y (m)")
     ax.set_aspect("equal", adjustable="datalim")
     ax.grid(alpha=0.3)
@@ -151,9 +150,9 @@ def polarities(
     sides_px: NDArray[np.float64],
     is_light: NDArray[np.bool_],
 ) -> None:
-    """Draw a part of a picture, with the paper's sign of the Laplacian above each of (n, 2) markers (Figure 15).
+    """Draw a part of an image, with the paper's sign of the Laplacian above each of (n, 2) markers (Figure 15).
 
-    `box` is left, top, right and bottom in the picture, the latter two exclusive.
+    `box` is left, top, right and bottom in the image, the latter two exclusive.
     """
     from matplotlib.patheffects import withStroke
 
@@ -190,7 +189,7 @@ def envelope_map(
     rate: NDArray[np.float64],
     is_inside: NDArray[np.bool_],
 ) -> None:
-    """Draw detection rates (t, s), a line of cells a tilt, over (s,) distances; a dot where the demand is met."""
+    """Draw (t, s) detection rates, one row of cells for each tilt, over (s,) distances; a dot where they suffice."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.ticker import LogLocator

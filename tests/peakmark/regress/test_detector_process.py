@@ -1,4 +1,4 @@
-"""Finders in processes: users' functions, OpenCV's features and programs; the bad ones fail on their image alone."""
+"""Detectors in processes: users' functions, OpenCV's features and programs; the bad ones fail on their image alone."""
 
 import sys
 from pathlib import Path
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.regress.detector_process import command_of, run_process
-from peakmark.regress.detector_protocol import FinderFailure
+from peakmark.regress.detector_process import command_of, open_process
+from peakmark.regress.detector_protocol import DetectorFailure
 from tests.peaksim.corpus.helpers import child_environment
 
 SPOT = np.full((40, 60), 20, np.uint8)
@@ -22,7 +22,7 @@ def children_find_this_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_users_function_of_key_points_with_parameters() -> None:
-    with run_process("tests.user_detectors:brightest", {"size": 9.0}, 10, 30) as find:
+    with open_process("tests.user_detectors:brightest", {"size": 9.0}, 10, 30) as find:
         for _ in range(3):
             found = find(SPOT)
             assert found.detections is None
@@ -31,7 +31,7 @@ def test_a_users_function_of_key_points_with_parameters() -> None:
 
 
 def test_a_users_function_of_detections() -> None:
-    with run_process("tests.user_detectors:detection", {}, 10, 30) as find:
+    with open_process("tests.user_detectors:detection", {}, 10, 30) as find:
         (detection,) = find(SPOT).detections or ()
     assert detection.xy.tolist() == [33, 11]
     assert (detection.polarity, detection.size, detection.response) == ("light", 5.0, 7.5)
@@ -39,13 +39,13 @@ def test_a_users_function_of_detections() -> None:
 
 
 def test_a_users_function_of_both() -> None:
-    with run_process("tests.user_detectors:everything", {}, 10, 30) as find:
+    with open_process("tests.user_detectors:everything", {}, 10, 30) as find:
         found = find(SPOT)
     assert len(found.features) == len(found.detections or ()) == 1
 
 
 def test_what_a_function_prints_is_no_answer() -> None:
-    with run_process("tests.user_detectors:chatty", {}, 10, 30) as find:
+    with open_process("tests.user_detectors:chatty", {}, 10, 30) as find:
         assert [len(find(SPOT).features) for _ in range(2)] == [1, 1]
 
 
@@ -53,7 +53,7 @@ def test_any_feature_of_opencv() -> None:
     import cv2
 
     noise = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
-    with run_process("cv2:ORB", {"nfeatures": 50}, 10, 30) as find:
+    with open_process("cv2:ORB", {"nfeatures": 50}, 10, 30) as find:
         found = find(noise).features
     expected = cv2.ORB_create(nfeatures=50).detect(noise, None)
     assert sorted(map(tuple, found.xy.tolist())) == sorted(point.pt for point in expected)
@@ -70,9 +70,9 @@ def test_any_feature_of_opencv() -> None:
     ],
 )
 def test_a_fault_costs_one_image_and_no_more(function: str, words: str) -> None:
-    with run_process(f"tests.user_detectors:{function}", {}, 2, 30) as find:
+    with open_process(f"tests.user_detectors:{function}", {}, 2, 30) as find:
         find(SPOT)
-        with pytest.raises(FinderFailure, match=words) as caught:
+        with pytest.raises(DetectorFailure, match=words) as caught:
             find(DARK)
         assert "\n" not in str(caught.value)
         assert find(SPOT).features.xy.tolist() == [[33, 11]]
@@ -80,8 +80,8 @@ def test_a_fault_costs_one_image_and_no_more(function: str, words: str) -> None:
 
 def test_what_is_no_result_is_an_error() -> None:
     with (
-        run_process("tests.user_detectors:wrong_type", {}, 10, 30) as find,
-        pytest.raises(FinderFailure, match=r"error: InputError: .*expected Keypoints.*got dict"),
+        open_process("tests.user_detectors:wrong_type", {}, 10, 30) as find,
+        pytest.raises(DetectorFailure, match=r"error: InputError: .*expected Keypoints.*got dict"),
     ):
         find(SPOT)
 
@@ -100,7 +100,7 @@ def test_what_is_no_result_is_an_error() -> None:
 )
 def test_what_cannot_be_started_is_one_line(name: str, words: str) -> None:
     def start() -> None:
-        with run_process(name, {}, 10, 30):
+        with open_process(name, {}, 10, 30):
             pass
 
     with pytest.raises(InputError, match=words) as caught:
@@ -123,14 +123,14 @@ for line in sys.stdin:
 
 
 def program(folder: Path, fault: str = "pass") -> str:
-    """Return the name of a finder that is a program, with a fault on its first image."""
-    path = folder / "it's a finder.py"
+    """Return the name of a detector that is a program, with a fault on its first image."""
+    path = folder / "it's a detector.py"
     path.write_text(PROGRAM.replace("{FAULT}", fault))
     return f'exec:{sys.executable} "{path}"'
 
 
 def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
-    with run_process(program(tmp_path), {}, 10, 30) as find:
+    with open_process(program(tmp_path), {}, 10, 30) as find:
         for _ in range(2):
             (detection,) = find(SPOT).detections or ()
             assert (*detection.xy, detection.polarity) == (3, 4.5, "dark")
@@ -156,14 +156,14 @@ def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
 def test_a_programs_fault_costs_one_image(tmp_path: Path, fault: str, words: str) -> None:
     mark = tmp_path / "seen"
     once = f"import os\n    if not os.path.exists({str(mark)!r}):\n        open({str(mark)!r}, 'w'); {fault}"
-    with run_process(program(tmp_path, once), {}, 2, 2) as find:
-        with pytest.raises(FinderFailure, match=words):
+    with open_process(program(tmp_path, once), {}, 2, 2) as find:
+        with pytest.raises(DetectorFailure, match=words):
             find(SPOT)
         assert find(SPOT).detections
 
 
 def test_nothing_is_left_behind(tmp_path: Path) -> None:
-    with run_process("tests.user_detectors:brightest", {}, 10, 30) as find:
+    with open_process("tests.user_detectors:brightest", {}, 10, 30) as find:
         find(SPOT)
         process = find._process
         assert process is not None
