@@ -1,6 +1,7 @@
 """Detectors as users might bring them, good and bad: run as `module:function` in a process of their own."""
 
 import os
+import sys
 import time
 from dataclasses import replace
 from typing import Any
@@ -34,6 +35,11 @@ def chatty(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     return brightest(gray)
 
 
+def process_id(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Tell as the response in which process this runs."""
+    return [cv2.KeyPoint(0.0, 0.0, 1.0, -1.0, float(os.getpid()))]
+
+
 def hangs_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     if gray.max() < 10:
         time.sleep(1000)
@@ -42,7 +48,7 @@ def hangs_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
 
 def dies_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     if gray.max() < 10:
-        print("out of luck", file=__import__("sys").stderr, flush=True)
+        print("out of luck", file=sys.stderr, flush=True)
         os._exit(7)
     return brightest(gray)
 
@@ -72,7 +78,7 @@ def always_dies(gray: NDArray[np.uint8]) -> Any:
 
 
 def fails_on_every_third(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
-    """Fail on every third picture, by what is in it."""
+    """Fail on every third image, by its content."""
     if int(gray.sum()) % 3 == 1:
         raise RuntimeError("not today")
     return brightest(gray)
@@ -83,7 +89,7 @@ def everything(gray: NDArray[np.uint8]) -> Found:
     return Found(Keypoints.from_opencv(brightest(gray)), detection(gray))
 
 
-# --- planted faults: our own detector with one thing broken ---------------------------------------------------------
+# --- planted faults: our own detector with one fault ---------------------------------------------------------
 
 
 def markers(gray: NDArray[np.uint8], **parameters: Any) -> Found:
@@ -109,7 +115,7 @@ FAULTS = ("threshold × 2", "one octave missing", "half a pixel", "polarity swap
 
 
 def with_faults(gray: NDArray[np.uint8]) -> dict[str, Found]:
-    """Return what the sound detector finds, under "sound", and what each faulty one does."""
+    """Return what the sound detector finds, under "sound", and what each faulty one finds."""
     sound = markers(gray)
     faulty = (markers(gray, threshold=2 * LOW_THRESHOLD), markers(gray, octaves=3), shifted(sound), swapped(sound))
     return {"sound": sound, **dict(zip(FAULTS, faulty, strict=True))}
