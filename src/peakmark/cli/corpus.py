@@ -80,7 +80,7 @@ def show(
     view: Annotated[bool, Option("--open", help="Open the page in a browser.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw frames with their markers into a folder with a page to look through."""
+    """Draw frames with their markers into a folder, with a page that shows them all."""
     page = show_frames(corpus, frame or None, out)
     if rrd is not None:
         save_recording(corpus, frame or None, rrd)

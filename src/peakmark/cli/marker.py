@@ -71,8 +71,8 @@ def result(laid_out: tuple[Page, ...], files: list[str]) -> dict[str, Any]:
         "page_mm": [laid_out[0].width_mm, laid_out[0].height_mm],
         "scale_bar_mm": laid_out[0].scale_bar_mm,
         "markers": [
-            {"page": number, "center_mm": [place.x_mm, place.y_mm], **asdict(place.marker)}
+            {"page": number, "center_mm": [printed.x_mm, printed.y_mm], **asdict(printed.marker)}
             for number, page in enumerate(laid_out, 1)
-            for place in page.markers
+            for printed in page.markers
         ],
     }

@@ -81,7 +81,7 @@ def _check_same_suite(after: Record, before: Record) -> None:
     if after.suite_sha256 != before.suite_sha256:
         raise InputError(
             f"baseline: expected one of suite {after.suite!r} as it is now, the suite has changed since: "
-            "look at the run and accept it anew"
+            "check the run and accept it again"
         )
     if [r.frame for r in after.results] != [r.frame for r in before.results]:
         raise InputError(

@@ -18,7 +18,7 @@ from peakmark.detectors.registry import as_keypoints, find_detector, import_func
 from peakmark.errors import InputError
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.regress.detector_protocol import Found, answer
+from peakmark.regress.detector_protocol import Found, answer_line
 
 UserFunction = Callable[[NDArray[np.uint8]], Any]
 """Takes a (H, W) uint8 image and returns what `as_found` knows."""
@@ -62,12 +62,12 @@ def as_found(value: Any) -> Found:
 def serve(find: UserFunction, requests: Iterable[bytes], reply: Callable[[bytes], None]) -> None:
     """Answer requests until there are no more; what the function raises is an answer too."""
     for line in requests:
-        asked = json.loads(line)
+        request = json.loads(line)
         try:
-            reply(answer(asked["frame"], as_found(find(read_image(asked["image"])))))
+            reply(answer_line(request["frame"], as_found(find(read_image(request["image"])))))
         except Exception as error:  # the user's code may raise anything
             reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            reply((json.dumps({"frame": asked["frame"], "error": reason}) + "\n").encode())
+            reply((json.dumps({"frame": request["frame"], "error": reason}) + "\n").encode())
 
 
 def main(name: str, parameters: str = "{}") -> None:

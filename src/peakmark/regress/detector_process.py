@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.errors import InputError
-from peakmark.regress.detector_protocol import DetectorFailure, Found, parse_answer, request
+from peakmark.regress.detector_protocol import DetectorFailure, Found, parse_answer, request_line
 
 _LONGEST_LINE = 200_000_000  # bytes: room for `MOST_POINTS` points of 200 characters
 
@@ -73,7 +73,7 @@ class DetectorProcess:
         cv2.imwrite(str(file), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         try:
             self.start()
-            found = parse_answer(self._ask(request(frame, str(file), image.shape[1], image.shape[0])), frame)
+            found = parse_answer(self._ask(request_line(frame, str(file), image.shape[1], image.shape[0])), frame)
             self._is_warm = True
             return found
         except DetectorFailure as failure:

@@ -42,13 +42,13 @@ class Found:
     """What is taken for a marker; None where the detector does not say."""
 
 
-def request(frame: int, image: str, width: int, height: int) -> bytes:
+def request_line(frame: int, image: str, width: int, height: int) -> bytes:
     """Return the line that asks for an image."""
     return (json.dumps({"frame": frame, "image": image, "width": width, "height": height}) + "\n").encode()
 
 
-def answer(frame: int, found: Found) -> bytes:
-    """Return the line that answers."""
+def answer_line(frame: int, found: Found) -> bytes:
+    """Return the line that answers a request."""
     kp = found.features
     columns = zip(kp.xy.tolist(), kp.size.tolist(), kp.response.tolist(), kp.laplacian.tolist(), strict=True)
     value: dict[str, Any] = {

@@ -1,7 +1,7 @@
 """One frame's result: what was wanted, found and wrongly found, as one line of a record."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,7 @@ class ScoredFrame:
     frame: int
     """Index in the suite."""
     picture: str
-    """First 16 hexadecimal digits of the SHA-256 of the image's pixels."""
+    """First 16 hexadecimal digits of the SHA-256 of the image's pixels; named as in the file."""
     features: int = 0
     """Key points found."""
     failure: str | None = None
@@ -53,13 +53,14 @@ class ScoredFrame:
     markers: dict[str, ScoredMarker] = field(default_factory=dict)
     """Name → result of the markers wanted."""
 
-    def to_plain(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return asdict(self)
+    @property
+    def found(self) -> int:
+        """How many of the markers were found."""
+        return sum(marker.xy is not None for marker in self.markers.values())
 
 
 def from_plain(values: dict[str, Any]) -> ScoredFrame:
-    """Return a result from `to_plain`'s values, also after JSON."""
+    """Return a result from `dataclasses.asdict`'s values, also after JSON."""
     markers = {
         name: ScoredMarker(**{**m, "true_xy": _pair(m["true_xy"]), "xy": m["xy"] and _pair(m["xy"])})
         for name, m in values["markers"].items()
@@ -75,7 +76,7 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
 
 
 def score_answer(
-    frame: int, picture: str, truth: Sequence[MarkerTruth], found: Found, wanted: Wanted, tolerance_px: float
+    frame: int, digest: str, truth: Sequence[MarkerTruth], found: Found, wanted: Wanted, tolerance_px: float
 ) -> ScoredFrame:
     """Score what was found in a frame."""
     known = [t for t in truth if wanted.counts(t)]
@@ -88,7 +89,7 @@ def score_answer(
     false = [_rounded(d.xy) for i, d in enumerate(detections) if i not in matched]
     return ScoredFrame(
         frame=frame,
-        picture=picture,
+        picture=digest,
         features=len(found.features),
         false_xy=None if found.detections is None else tuple(false),
         drop=None if score.response_drop is None else float(f"{score.response_drop:.6g}"),
@@ -96,10 +97,10 @@ def score_answer(
     )
 
 
-def score_failure(frame: int, picture: str, truth: Sequence[MarkerTruth], reason: str, wanted: Wanted) -> ScoredFrame:
+def score_failure(frame: int, digest: str, truth: Sequence[MarkerTruth], reason: str, wanted: Wanted) -> ScoredFrame:
     """Return the result of a frame on which the detector gave no answer: every marker is missed."""
     return ScoredFrame(
-        frame, picture, failure=reason, markers={t.name: _marker_result(t, (), {}) for t in wanted.of(truth)}
+        frame, digest, failure=reason, markers={t.name: _marker_result(t, (), {}) for t in wanted.of(truth)}
     )
 
 

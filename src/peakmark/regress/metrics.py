@@ -78,7 +78,7 @@ Pick = Callable[[ScoredMarker], float | None]
 
 
 def _sums(results: Sequence[ScoredFrame], pick: Pick) -> tuple[Floats, Floats]:
-    """Return per frame the sum and the count of what `pick` takes from each marker asked for."""
+    """Return per frame the sum and the count of what `pick` takes from each marker wanted."""
     rows = [[v for m in result.markers.values() if (v := pick(m)) is not None] for result in results]
     return np.array([sum(row) for row in rows], dtype=float), np.array([len(row) for row in rows], dtype=float)
 

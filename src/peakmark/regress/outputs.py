@@ -44,7 +44,7 @@ def sentence(change: Change) -> str:
 
 
 def markdown(comparison: Comparison) -> str:
-    """Return a summary for a pull request: what it is, the table, the frames to look at."""
+    """Return a summary for a pull request: what was tested, the table, the frames that show faults."""
     after, faults = comparison.after, comparison.faults
     verdict = f"{len(faults)} of {len(comparison.changes)} figures got worse or changed" if faults else "no regression"
     lines = [

@@ -84,9 +84,7 @@ def _origin(before: Record, after: Record) -> Table:
 
 
 def _recall(result: ScoredFrame) -> float | None:
-    if not result.markers:
-        return None
-    return sum(marker.xy is not None for marker in result.markers.values()) / len(result.markers)
+    return result.found / len(result.markers) if result.markers else None
 
 
 # --- figures ------------------------------------------------------------------------------------------------------
@@ -155,9 +153,8 @@ def summary(result: ScoredFrame) -> str:
     """Return a frame's result in words."""
     if result.failure is not None:
         return f"no answer ({result.failure})"
-    found = sum(marker.xy is not None for marker in result.markers.values())
     false = "" if result.false_xy is None else f", {len(result.false_xy)} false"
-    return f"{found} of {len(result.markers)} markers found{false}, {result.features} features"
+    return f"{result.found} of {len(result.markers)} markers found{false}, {result.features} features"
 
 
 def draw_result(image: NDArray[np.uint8], result: ScoredFrame) -> NDArray[np.uint8]:

@@ -55,7 +55,7 @@ def to_text(record: Record) -> str:
     head = {"format": FORMAT, **{name: getattr(record, name) for name in _HEAD}, "detector": detector}
     lines = [f"{_json(name)}: {_json(value)}" for name, value in head.items()]
     lines.append('"metrics": {\n' + ",\n".join(f"{_json(k)}: {_json(v)}" for k, v in figures.items()) + "\n}")
-    lines.append('"frames": [\n' + ",\n".join(_json(result.to_plain()) for result in record.results) + "\n]")
+    lines.append('"frames": [\n' + ",\n".join(_json(asdict(result)) for result in record.results) + "\n]")
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 

@@ -17,7 +17,7 @@ from peakmark.report.overlay import draw_circle, draw_outline, rgb_copy
 from peakmark.report.page import Section, Table, jpeg_uri, write_report
 from peakmark.report.results import result_folder
 
-_SHOWN = 12  # frames, unless some are asked for
+_SHOWN = 12  # frames, unless some are named
 
 _COLOURS = ((150, 150, 150), (255, 140, 0), (60, 220, 60))
 """RGB of points outside the image, covered, and seen."""
@@ -46,7 +46,7 @@ def show_frames(dest: str, frames: Sequence[int] | None, out: Path) -> Path:
 
 
 def _chosen(corpus: Corpus, frames: Sequence[int] | None) -> list[int]:
-    """Return the frames asked for, or some in even steps."""
+    """Return the frames that were named, or some in even steps."""
     steps = np.linspace(0, len(corpus) - 1, min(_SHOWN, len(corpus)))
     return list(frames) if frames is not None else [round(float(step)) for step in steps]
 

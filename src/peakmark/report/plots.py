@@ -106,7 +106,7 @@ def roc(ax: Any, curves: dict[str, tuple[NDArray[np.float64], NDArray[np.float64
         ylim=(0, 1.01),
         xlabel="false positive rate",
         ylabel="true positive rate",
-        title="Key points told apart on held-out rooms",
+        title="Classification of key points in held-out rooms",
     )
     ax.grid(alpha=0.3)
     ax.legend(frameon=False, loc="lower right")
@@ -218,6 +218,6 @@ def envelope_map(
 
 
 def _cell_edges(middles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return n + 1 edges half-way between n middles, the outer ones as far out as the next ones are in."""
+    """Return n + 1 edges half-way between n middles; the outer two continue the spacing."""
     between = (middles[1:] + middles[:-1]) / 2
     return np.concatenate([[2 * middles[0] - between[0]], between, [2 * middles[-1] - between[-1]]])

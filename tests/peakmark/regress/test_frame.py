@@ -1,6 +1,7 @@
 """Scoring one frame: what was wanted, found and wrongly found; written and read back alike."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -79,6 +80,6 @@ def test_a_failure_misses_every_marker() -> None:
 @pytest.mark.parametrize("found", [Found(features((100, 800, 1)), None), Found(Keypoints.empty(), (detection(100),))])
 def test_results_are_read_back_as_they_were(found: Found) -> None:
     result = score_answer(0, "", SCENE, found, WANTED, TOLERANCE_PX)
-    again = from_plain(json.loads(json.dumps(result.to_plain())))
+    again = from_plain(json.loads(json.dumps(asdict(result))))
     assert again == result
     assert isinstance(again, ScoredFrame)

@@ -1,4 +1,4 @@
-"""What machines and people are told: JUnit XML that parses, Markdown that shows names as they are, plain JSON."""
+"""A comparison for machines and people: JUnit XML that parses, Markdown that shows names as they are, plain JSON."""
 
 import json
 from dataclasses import replace
