@@ -12,7 +12,6 @@ from PIL import Image
 
 from peakmark.detectors.registry import find_detector, settings_of
 from peakmark.errors import ImageError, InputError
-from peakmark.keypoints.keypoints import Keypoints
 from peakmark.report.overlay import draw_keypoints
 from peakmark.report.results import write_json
 
@@ -84,7 +83,7 @@ def detect_files(
         keypoints = detect(image, **(parameters or {}))
         keypoints.save(target, settings)
         if overlay:
-            _save_overlay(image, keypoints, target.with_suffix(".overlay.png"))
+            Image.fromarray(draw_keypoints(image, keypoints)).save(target.with_suffix(".overlay.png"))
         records.append(DetectedFile(name, image.shape[1], image.shape[0], len(keypoints), str(target)))
         on_image(records[-1])
     if not single:
@@ -141,10 +140,6 @@ def read_film(path: Path) -> Iterator[NDArray[np.uint8]]:
         raise ImageError(f"{path}: expected a film: {getattr(error, 'strerror', None) or error}") from error
     if not count:
         raise ImageError(f"{path}: expected a film, found no frame")
-
-
-def _save_overlay(image: NDArray[Any], keypoints: Keypoints, path: Path) -> None:
-    Image.fromarray(draw_keypoints(image, keypoints)).save(path)
 
 
 def _as_json(parameters: dict[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The commands behind the scripts of the floor and of the robot: arguments, progress, and what the terminal shows."""
 
-from itertools import count
+import itertools
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -60,21 +60,13 @@ def render_floor(
     frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and result.json.
     """
     console = Console(quiet=quiet)
+    drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or ("paper" if trajectory is None else "joint"))
     if trajectory is not None:
-        drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or "joint")
         flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map)
         _fly(console, flight, out, resume)
     else:
-        still = FloorConfig(
-            scene or "floor",
-            texture,
-            cast(Renderer, renderer),
-            seed,
-            2.0 if stretch is None else stretch,
-            1 if frames is None else frames,
-            cast(Rule, rule or "paper"),
-        )
-        _render(console, still, out)
+        factor, count = 2.0 if stretch is None else stretch, 1 if frames is None else frames
+        _render(console, FloorConfig(scene or "floor", texture, drawn_by, seed, factor, count, decided_by), out)
     print_path(console, out / "report.html")
 
 
@@ -86,7 +78,7 @@ def _render(console: Console, config: FloorConfig, out: Path) -> None:
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
-    steps = count(1)
+    steps = itertools.count(1)
     with progress_bar(console, _STAGES) as bar:
         result = flight_results.run(config, out, is_resumed, lambda total: bar.show(next(steps), total + 1))
     for remark in result["remarks"]:

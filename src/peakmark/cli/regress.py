@@ -60,38 +60,20 @@ def run_detector(
     settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, time_limit_s=time_limit)
     with result_folder(out) as folder, progress_bar(console, "run", len(opened.frames(quick))) as bar:
         (folder / IMAGES).mkdir()
-        done = run_suite(
-            opened,
-            settings,
-            quick=quick,
-            seed=seed,
-            backend=backend_of(workers, dask),
-            images=folder / IMAGES,
-            on_frames=bar.advance,
-        )
+        backend = backend_of(workers, dask)
+        done = run_suite(opened, settings, quick, seed, backend, images=folder / IMAGES, on_frames=bar.advance)
         (folder / RUN).write_text(to_text(done.record), encoding="utf-8")
-        write_json(
-            folder / "result.json",
-            {
-                "suite": done.record.suite,
-                "frames": len(done.record.results),
-                "time_s": {"render": done.render_s, "detect": done.detect_s},
-            },
-        )
+        times = {"render": done.render_s, "detect": done.detect_s}
+        result = {"suite": done.record.suite, "frames": len(done.record.results), "time_s": times}
+        write_json(folder / "result.json", result)
     console.print(_run_table(done))
     print_path(console, out / RUN)
 
 
 def _run_table(done: Run) -> Table:
     record = done.record
-    detector = escape(record.detector.name)
-    table = Table(
-        "figure",
-        "value",
-        "95 % interval",
-        "unit",
-        title=f"{record.suite} · {detector} · {len(record.results)} frames · seed {record.seed}",
-    )
+    title = f"{record.suite} · {record.detector.name} · {len(record.results)} frames · seed {record.seed}"
+    table = Table("figure", "value", "95 % interval", "unit", title=escape(title))
     counts = resample_counts(len(record.results))
     for metric in metrics_of(record.results, record.tolerances):
         interval = metric.interval(counts)

@@ -98,13 +98,8 @@ def _changes_figure(changes: tuple[Change, ...]) -> Any:
         draw_change(ax, row, change)
     ax.axvspan(-1, 1, color="#57606a", alpha=0.12, linewidth=0)
     ax.axvline(0, color="black", linewidth=0.8)
-    ax.set(
-        yticks=range(len(known)),
-        yticklabels=[c.metric.key for c in known],
-        ylim=(len(known) - 0.5, -0.5),
-        xlim=(-6, 6),
-        xlabel="change / tolerance, at most ±6 shown",
-    )
+    ax.set(yticks=range(len(known)), yticklabels=[c.metric.key for c in known], ylim=(len(known) - 0.5, -0.5))
+    ax.set(xlim=(-6, 6), xlabel="change / tolerance, at most ±6 shown")
     return figure
 
 
@@ -119,12 +114,10 @@ def draw_change(ax: Any, row: int, change: Change) -> None:
 
 def _recall_figure(frames: list[int], before: list[float | None], after: list[float | None]) -> Any:
     figure, ax = plots.new_figure(8, 2.8)
-    for values, label, colour, width in (
-        (before, "before", plots.CLUTTER_COLOUR, 3),
-        (after, "after", plots.MARKER_COLOUR, 1.2),
-    ):
-        shares = np.array([np.nan if share is None else share for share in values])
-        ax.plot(frames, shares, label=label, color=colour, linewidth=width, marker="o", markersize=3)
+    old = {"label": "before", "color": plots.CLUTTER_COLOUR, "linewidth": 3}
+    new = {"label": "after", "color": plots.MARKER_COLOUR, "linewidth": 1.2}
+    for values, style in ((before, old), (after, new)):
+        ax.plot(frames, np.array(values, dtype=np.float64), marker="o", markersize=3, **style)
     ax.set(xlabel="frame", ylabel="share of markers found", ylim=(-0.05, 1.05))
     ax.legend(frameon=False)
     return figure

@@ -95,7 +95,6 @@ class Run:
 def run_suite(
     suite: Suite,
     detector: DetectorSettings,
-    *,
     quick: bool = False,
     seed: int | None = None,
     backend: Backend | None = None,

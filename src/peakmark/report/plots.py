@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 MARKER_COLOUR = "#1a7f37"
 CLUTTER_COLOUR = "#8c959f"
 LIGHT_COLOUR, DARK_COLOUR = "#ffd640", "#60beff"
+_RANK, _RESPONSE = "rank of the feature by response", "response (determinant of the Hessian)"
 
 
 def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]:
@@ -37,12 +38,7 @@ def response_ranking(ax: Any, responses: NDArray[np.float32], is_marker: NDArray
     count = min(most, len(responses))
     colours = np.where(is_marker[:count], MARKER_COLOUR, CLUTTER_COLOUR)
     ax.bar(np.arange(1, count + 1), responses[:count], width=0.8, color=list(colours))
-    ax.set(
-        xlabel="rank of the feature by response",
-        ylabel="response (determinant of the Hessian)",
-        title="SURF responses in descending order",
-        xlim=(0, count + 1),
-    )
+    ax.set(title="SURF responses in descending order", xlabel=_RANK, ylabel=_RESPONSE, xlim=(0, count + 1))
     _legend(ax)
 
 
@@ -55,26 +51,16 @@ def signature_ranking(ax: Any, distances: NDArray[np.float32], is_marker: NDArra
     ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")
     corner = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
     ax.text(0.99, limit + 0.01, f"limit {limit:g}", fontsize=8, **corner)
-    ax.set(
-        xscale="log",
-        xlabel="rank of the feature by response",
-        ylabel="distance from the ideal signature",
-        title="Signature distances",
-        ylim=(0, None),
-    )
+    ax.set(title="Signature distances", xlabel=_RANK, ylabel="distance from the ideal signature")
+    ax.set(xscale="log", ylim=(0, None))
     _legend(ax)
 
 
 def _legend(ax: Any) -> None:
     from matplotlib.patches import Patch
 
-    ax.legend(
-        handles=[
-            Patch(color=MARKER_COLOUR, label="at a marker's centre"),
-            Patch(color=CLUTTER_COLOUR, label="clutter"),
-        ],
-        frameon=False,
-    )
+    kinds = (("at a marker's centre", MARKER_COLOUR), ("clutter", CLUTTER_COLOUR))
+    ax.legend(handles=[Patch(color=colour, label=kind) for kind, colour in kinds], frameon=False)
 
 
 def figure_over_time(ax: Any, x: NDArray[np.float64], y: NDArray[np.float64], label: str, unit: str) -> None:
@@ -100,14 +86,8 @@ def roc(ax: Any, curves: dict[str, tuple[NDArray[np.float64], NDArray[np.float64
     """Draw true over false positive rate, one named curve a classifier, with a logarithmic axis from `least`."""
     for name, (false_rate, true_rate) in curves.items():
         ax.plot(np.maximum(false_rate, least), true_rate, drawstyle="steps-post", linewidth=1.3, label=name)
-    ax.set(
-        xscale="log",
-        xlim=(least, 1),
-        ylim=(0, 1.01),
-        xlabel="false positive rate",
-        ylabel="true positive rate",
-        title="Classification of key points in held-out rooms",
-    )
+    ax.set(xlabel="false positive rate", ylabel="true positive rate", xscale="log", xlim=(least, 1), ylim=(0, 1.01))
+    ax.set(title="Classification of key points in held-out rooms")
     ax.grid(alpha=0.3)
     ax.legend(frameon=False, loc="lower right")
 
@@ -116,29 +96,13 @@ def response_over_vis(
     ax: Any, responses: NDArray[np.float32], distances: NDArray[np.float64], is_marker: NDArray[np.bool_]
 ) -> None:
     """Draw responses over distances from the version-independent signature (the paper's Figure 14)."""
-    for chosen, colour, size, name in (
-        (~is_marker, CLUTTER_COLOUR, 4, "other features"),
-        (is_marker, MARKER_COLOUR, 30, "markers"),
-    ):
-        ax.scatter(
-            distances[chosen],
-            responses[chosen],
-            s=size,
-            color=colour,
-            linewidths=0,
-            label=name,
-            marker="D" if size > 9 else "o",
-            rasterized=True,
-        )
-    top = float(responses.max(initial=1e3))
-    ax.set(
-        yscale="log",
-        ylim=(400, 2 * top),
-        xlim=(0, None),
-        xlabel="distance from the version-independent signature",
-        ylabel="response (determinant of the Hessian)",
-        title="Detector response and version-independent signature",
-    )
+    other = {"s": 4, "color": CLUTTER_COLOUR, "marker": "o", "label": "other features"}
+    marker = {"s": 30, "color": MARKER_COLOUR, "marker": "D", "label": "markers"}
+    for chosen, style in ((~is_marker, other), (is_marker, marker)):
+        ax.scatter(distances[chosen], responses[chosen], linewidths=0, rasterized=True, **style)
+    ax.set(title="Detector response and version-independent signature", ylabel=_RESPONSE)
+    ax.set(xlabel="distance from the version-independent signature", xlim=(0, None))
+    ax.set(yscale="log", ylim=(400, 2 * float(responses.max(initial=1e3))))
     ax.legend(frameon=False)
 
 
@@ -157,28 +121,13 @@ def polarities(
     from matplotlib.patheffects import withStroke
 
     left, top, right, bottom = box
-    ax.imshow(
-        image[top:bottom, left:right],
-        cmap="gray",
-        vmin=0,
-        vmax=255,
-        extent=(left - 0.5, right - 0.5, bottom - 0.5, top - 0.5),
-    )
+    extent = (left - 0.5, right - 0.5, bottom - 0.5, top - 0.5)
+    ax.imshow(image[top:bottom, left:right], cmap="gray", vmin=0, vmax=255, extent=extent)
+    style = {"fontsize": 14, "weight": "bold", "ha": "center", "va": "bottom", "clip_on": True}
     outline = [withStroke(linewidth=2.5, foreground="black")]
     for (x, y), side, light in zip(xy, sides_px, is_light, strict=True):
         text, colour = ("+1", LIGHT_COLOUR) if light else ("−1", DARK_COLOUR)
-        ax.text(
-            x,
-            y - 0.62 * side,
-            text,
-            color=colour,
-            path_effects=outline,
-            fontsize=14,
-            weight="bold",
-            ha="center",
-            va="bottom",
-            clip_on=True,
-        )
+        ax.text(x, y - 0.62 * side, text, color=colour, path_effects=outline, **style)
     ax.set_axis_off()
 
 
@@ -196,16 +145,8 @@ def envelope_map(
 
     lines = np.arange(len(tilt_deg))
     colours = ScalarMappable(Normalize(0, 1.3), "Greens")
-    edges = np.exp(_cell_edges(np.log(distance_m)))
-    ax.pcolormesh(
-        edges,
-        np.arange(len(lines) + 1) - 0.5,
-        rate,
-        cmap=colours.cmap,
-        norm=colours.norm,
-        edgecolors="white",
-        linewidth=0.5,
-    )
+    edges = np.exp(_cell_edges(np.log(distance_m))), np.arange(len(lines) + 1) - 0.5
+    ax.pcolormesh(*edges, rate, cmap=colours.cmap, norm=colours.norm, edgecolors="white", linewidth=0.5)
     row, column = np.nonzero(is_inside)
     ax.scatter(distance_m[column], row, s=9, color="white")
     bar = ax.figure.colorbar(colours, ax=ax, pad=0.02, boundaries=np.linspace(0, 1, 101), ticks=np.linspace(0, 1, 6))
