@@ -1,4 +1,4 @@
-"""`peakmark corpus make|check|show|detect`: arguments, progress, and what the terminal shows."""
+"""`peakmark corpus make|check|show`: arguments, progress, and what the terminal shows."""
 
 import os
 from pathlib import Path

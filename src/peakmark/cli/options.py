@@ -1,4 +1,4 @@
-"""Options that several commands share, and what is left of options that may be missing."""
+"""Options that several commands share."""
 
 from pathlib import Path
 from typing import Annotated, Any

@@ -13,7 +13,7 @@ from peakmark.score.statistics import percentile_interval, resample_counts
 
 CONFIDENCE = 0.995
 """Level of the interval that a change must leave to count: strict enough that the many figures of a suite raise no
-false alarm over 20 seeds of the noise (`tests/peakmark/regress/test_run.py`), and left by a change in six frames."""
+false alarm over 20 seeds of the noise (`tests/peakmark/regress/test_run.py`); six frames that agree suffice."""
 
 Verdict = Literal["better", "same", "worse", "changed", "unknown"]
 
@@ -36,7 +36,7 @@ class Change:
     interval: tuple[float, float] | None
     """Of the change, by resampling frames in pairs; its level is `CONFIDENCE`."""
     verdict: Verdict
-    """What it means."""
+    """What the change means."""
     frames: tuple[int, ...]
     """Indices of the frames that show it best; empty unless it is a fault."""
 
@@ -109,7 +109,7 @@ def _difference(new: Floats, old: Floats, relative: bool) -> Floats:
 
 
 def verdict_of(metric: Metric, change: float, interval: tuple[float, float] | None) -> Verdict:
-    """Return what a change means: it counts if it exceeds the tolerance and its interval leaves out none at all."""
+    """Return what a change means: it counts if it exceeds the tolerance and its interval excludes zero."""
     certain = interval is not None and (interval[0] > 0 or interval[1] < 0)
     if abs(change) <= metric.tolerance or not certain:
         return "same"

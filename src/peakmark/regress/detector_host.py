@@ -1,6 +1,7 @@
 """The process in which a user's function or a cv2.Feature2D runs: `-m peakmark.regress.detector_host NAME PARAMETERS`.
 
-It says "ready", or why it cannot; then it answers each line of `peakmark.regress.detector_protocol` with one line.
+It writes "ready", or the reason why it cannot start, and then answers each request line of
+`peakmark.regress.detector_protocol` with one line.
 """
 
 import json

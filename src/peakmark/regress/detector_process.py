@@ -1,4 +1,4 @@
-"""A detector in a process of its own: it answers lines, is stopped when it is too slow and restarted when it dies."""
+"""A detector in a process of its own, which is stopped when it takes too long and started again when it has died."""
 
 import json
 import os

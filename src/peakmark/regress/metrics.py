@@ -47,7 +47,7 @@ class Metric:
     """(n,) per frame."""
 
     def value(self) -> float | None:
-        """Return the figure; None where no frame has anything to say about it."""
+        """Return the figure; None where no frame contributes to it."""
         value = float(self.resampled(np.ones((1, len(self.a))))[0])
         return None if np.isnan(value) else value
 

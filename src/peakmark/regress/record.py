@@ -1,4 +1,4 @@
-"""Records of runs: run.json of a run, and the same content accepted as a baseline; one line a frame, so diffs read."""
+"""Records of runs: a run's run.json, and the same accepted as a baseline; one line a frame, so that diffs can be read."""
 
 import json
 from dataclasses import asdict, dataclass

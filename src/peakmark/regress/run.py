@@ -40,7 +40,7 @@ IMAGE_NAME = "{:08d}.jpg"
 
 @dataclass(frozen=True)
 class Task:
-    """What a run does with each frame; plain values, so that any process can."""
+    """What a run does with each frame; plain values, so that any process can do it."""
 
     suite: Suite
     """Whose frames."""

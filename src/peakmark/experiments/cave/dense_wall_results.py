@@ -1,4 +1,4 @@
-"""What is written of walls with and without dense posters: report.html and result.json."""
+"""Results for walls with and without dense posters: report.html and result.json."""
 
 from pathlib import Path
 from typing import Any

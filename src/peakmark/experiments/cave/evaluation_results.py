@@ -1,4 +1,4 @@
-"""What is written of an evaluation of the CAVE: report.html and result.json."""
+"""Results of an evaluation of the CAVE: report.html and result.json."""
 
 from dataclasses import asdict
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is written of the comparison of fiducials: rates.png, report.html and result.json."""
+"""Results of the comparison of fiducials: rates.png, report.html and result.json."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is written of a run: rows.csv, envelope.csv, figures, report.html and result.json."""
+"""Results of a run: rows.csv, envelope.csv, figures, report.html and result.json."""
 
 import csv
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What is written of a run: a line of CSV for each row, and the detectors that failed."""
+"""Results of a run: a line of CSV for each row, and the detectors that failed."""
 
 import csv
 
