@@ -1,4 +1,4 @@
-"""Records of runs: run.json of a run, or the same accepted as a baseline; one line a frame, so that diffs are readable."""
+"""Records of runs: a run's run.json, or the same as a baseline; one line a frame, so that diffs are readable."""
 
 import json
 from dataclasses import asdict, dataclass
