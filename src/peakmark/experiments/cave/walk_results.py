@@ -14,7 +14,7 @@ from PIL import Image
 from peakmark.experiments.cave.walk import CaveConfig, View, marker_rows, open_cave, walk
 from peakmark.report import plots
 from peakmark.report.film import filmed
-from peakmark.report.overlay_arrays import box_around, draw_arrays
+from peakmark.report.overlay import box_around, draw_arrays
 from peakmark.report.page import Section, Table, jpeg_uri, svg_uri, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 from peakmark.score.markers import at_markers

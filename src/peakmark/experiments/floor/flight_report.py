@@ -145,7 +145,7 @@ def _course(title: str, unit: str, place: tuple[str, ...], rows: Sequence[dict[s
         return np.nan if row is None else float(row)
 
     figure, ax = plots.new_figure(8, 2.6)
-    plots.course(
+    plots.figure_over_time(
         ax, np.array([row["time_on_path_s"] for row in rows]), np.array([value(row) for row in rows]), title, unit
     )
     return Section(f"Course: {title}", image=svg_uri(figure))

@@ -136,7 +136,7 @@ def _flight_sections(tally: Tally) -> list[Section]:
     def course_of(title: str, unit: str, pick: Callable[[dict[str, Any]], float | None]) -> Section:
         figure, ax = plots.new_figure(8, 2.6)
         values = np.array([np.nan if (v := pick(row)) is None else v for row in tally.rows], dtype=float)
-        plots.course(ax, np.array([row["time_on_path_s"] for row in tally.rows]), values, title, unit)
+        plots.figure_over_time(ax, np.array([row["time_on_path_s"] for row in tally.rows]), values, title, unit)
         return Section(f"Flight: {title}", image=svg_uri(figure))
 
     return [

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from peakmark.cli.cave_evaluation_command import write_evaluation
 from peakmark.errors import InputError
 from peakmark.experiments.cave import evaluation as cave_evaluation
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate, room_records
 from peakmark.experiments.cave.evaluation_figures import figures, headline, quantiles, recall_by
+from peakmark.experiments.cave.evaluation_results import write_evaluation
 
 CONFIG = EvaluationConfig(rooms=1, views=2, split="training", seed=3)
 

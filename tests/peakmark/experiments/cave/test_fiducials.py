@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from peakmark.cli.fiducials_command import rates_figure, table_rows
 from peakmark.errors import InputError
 from peakmark.experiments.cave.fiducials import (
     DESIGNS,
@@ -24,6 +23,7 @@ from peakmark.experiments.cave.fiducials import (
     trial,
     width_m,
 )
+from peakmark.experiments.cave.fiducials_results import rates_figure, table_rows
 
 
 @pytest.mark.parametrize("design", DESIGNS)

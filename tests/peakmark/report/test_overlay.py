@@ -1,13 +1,25 @@
-"""Drawings of arrays: outlines where the array is, pictures untouched, cuttings inside the picture."""
+"""Drawings: outlines where the array is, circles where the key point is, images untouched, parts inside the image."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from peaksim.camera.frame import MarkerTruth
 from peaksim.geometry.pose import invert, transform
 
 from peakmark import decode_arrays
-from peakmark.report.overlay_arrays import box_around, draw_arrays, outline_px
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.report.overlay import (
+    DARK,
+    LIGHT,
+    MISSED,
+    box_around,
+    draw_arrays,
+    draw_keypoints,
+    draw_overlay,
+    outline_px,
+)
+from peakmark.score.markers import score_frame
 from tests.peakmark.arrays.arrays_scene import CAMERA, detections, facing_wall, printed_array
 
 IMAGE = np.full((CAMERA.height, CAMERA.width), 120, np.uint8)
@@ -43,9 +55,29 @@ def test_unsure_arrays_have_a_box_around_them() -> None:
 
 
 @pytest.mark.parametrize("xy", [[[5.0, 5.0]], [[-50.0, 3.0]], [[1e4, 1e4]], [[100.0, 100.0], [200.0, 140.0]]])
-def test_cuttings_are_parts_of_the_picture(xy: list[list[float]]) -> None:
+def test_parts_lie_inside_the_image(xy: list[list[float]]) -> None:
     left, top, right, bottom = box_around(np.array(xy), 10, (CAMERA.width, CAMERA.height))
     assert 0 <= left < right <= CAMERA.width
     assert 0 <= top < bottom <= CAMERA.height
     if len(xy) == 2:
         assert (left, top, right, bottom) == (90, 90, 210, 150)
+
+
+@pytest.mark.parametrize("is_colour", [False, True])
+def test_a_missed_marker_is_crossed_out_on_a_copy(is_colour: bool) -> None:
+    image = np.repeat(IMAGE[..., None], 3, axis=2) if is_colour else IMAGE.copy()
+    corners = np.array([[40.0, 50.0], [60.0, 50.0], [60.0, 70.0], [40.0, 70.0]])
+    truth = [MarkerTruth("lost", "surf-dark", corners.mean(axis=0), corners, 20.0, 1.0, 0.0, 1.0)]
+    drawn = draw_overlay(image, truth, (), score_frame(truth, (), Keypoints.empty()))
+    assert (image == 120).all()
+    assert tuple(drawn[60, 50]) == MISSED
+
+
+def test_key_points_are_circles_of_half_their_size_in_the_colour_of_their_polarity() -> None:
+    xy = np.array([[30.0, 40.0], [90.0, 40.0]], np.float32)
+    ones = np.ones(2, np.float32)
+    keypoints = Keypoints(xy, 24 * ones, -ones, ones, np.zeros(2, np.int32), np.array([1, -1], np.int8), ones)
+    drawn = draw_keypoints(IMAGE, keypoints)
+    for (x, y), colour in zip(xy.astype(int), (DARK, LIGHT), strict=True):
+        assert drawn[y, x + 12].tolist() == pytest.approx(list(colour), abs=25)  # the stroke is smoothed
+        assert (drawn[y, x] == 120).all()

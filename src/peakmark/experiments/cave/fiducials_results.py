@@ -1,15 +1,10 @@
-"""The command behind `scripts/compare_fiducials.py`: arguments, progress, table, figure, report."""
+"""Results of the comparison of fiducials: rates.png, report.html and result.json."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from rich.console import Console
-from rich.progress import Progress
-from typer import Option
-
-from peakmark.cli.terminal import print_table
-from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, compare, conditions
+from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, conditions
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.results import result_folder, write_json
@@ -24,30 +19,11 @@ UNITS = {
 HEAD = ("condition", *DESIGNS)
 
 
-def compare_fiducials(
-    out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/fiducials"),
-    trials: Annotated[int, Option(help="Pictures a condition and design.")] = 25,
-    seed: Annotated[int, Option(help="Seed of walls, ids, cameras and noise.")] = 0,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
-) -> None:
-    """Compare markers and arrays with ArUco 4×4 and AprilTag 36h11 of the same printed side, on the same walls.
-
-    Writes rates.png (detection over side, tilt, noise, blur and occlusion), report.html and result.json.
-    """
-    console = Console(quiet=quiet)
-    with Progress(console=console, transient=True, disable=quiet) as progress:
-        task = progress.add_task("render, detect, score", total=len(conditions()))
-        rows = compare(trials, seed, lambda: progress.update(task, advance=1))
-    write_comparison(rows, trials, seed, out)
-    print_table(console, f"right ids (wrong ones) of {trials} pictures each · seed {seed}", HEAD, table_rows(rows))
-    console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
-
-
 def write_comparison(rows: list[dict[str, Any]], trials: int, seed: int, out: Path) -> None:
     """Write rates.png, report.html and result.json."""
     figure = rates_figure(rows)
     lead = (
-        f"{trials} pictures a condition and design, seed {seed}. Right ids, and in brackets the number of wrong ones. "
+        f"{trials} images a condition and design, seed {seed}. Right ids, and in brackets the number of wrong ones. "
         "Unless varied: side 40 px, no tilt, noise 2, blur 0.6 px, nothing covered; any roll, exposure 0.7. "
         "The side is that of one marker or tag; an array takes 2.5 × 2.5 of them."
     )
@@ -55,7 +31,7 @@ def write_comparison(rows: list[dict[str, Any]], trials: int, seed: int, out: Pa
         Section("Detection rate", image=svg_uri(figure)),
         Section("Right ids (wrong ones)", table=Table(HEAD, table_rows(rows))),
         Section("Error of the centre, rms px", table=Table(HEAD, table_rows(rows, "error_px_rms"))),
-        Section("Seconds in a 384×288 px picture, median", table=Table(HEAD, table_rows(rows, "seconds"))),
+        Section("Seconds in a 384×288 px image, median", table=Table(HEAD, table_rows(rows, "seconds"))),
     ]
     with result_folder(out) as folder:
         plots.save(figure, folder / "rates.png")
