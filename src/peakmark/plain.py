@@ -19,7 +19,7 @@ def to_plain(value: Any) -> Any:
     if hasattr(value, "to_plain"):
         return to_plain(value.to_plain())
     if is_dataclass(value):
-        return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
+        return plain_fields(value)
     if isinstance(value, Mapping):
         return {name: to_plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
@@ -27,12 +27,16 @@ def to_plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
+def plain_fields(record: Any) -> dict[str, Any]:
+    """Return the plain values of a dataclass's fields, even if it has a `to_plain`."""
+    return {field.name: to_plain(getattr(record, field.name)) for field in fields(record)}
+
+
 def inlined(record: Any, name: str) -> dict[str, Any]:
     """Return the plain fields of a dataclass, with those of its field `name` in the place of that field."""
     plain: dict[str, Any] = {}
-    for field in fields(record):
-        part = to_plain(getattr(record, field.name))
-        plain.update(part if field.name == name else {field.name: part})
+    for field, part in plain_fields(record).items():
+        plain.update(part if field == name else {field: part})
     return plain
 
 
@@ -46,8 +50,8 @@ def from_plain(kind: type[Record], plain: Any) -> Record:
 
 
 def _restored(hint: Any, plain: Any) -> Any:
-    if is_dataclass(hint):
-        return hint(**{name: _restored(of_field, plain[name]) for name, of_field in _hints(hint).items()})  # type: ignore[operator]
+    if isinstance(hint, type) and is_dataclass(hint):
+        return hint(**{name: _restored(of_field, plain[name]) for name, of_field in _hints(hint).items()})
     origin, parts = get_origin(hint), get_args(hint)
     if NoneType in parts:
         return None if plain is None else _restored(next(part for part in parts if part is not NoneType), plain)
