@@ -146,7 +146,8 @@ def detected_values(flight: Flown, record: FrameRecord, height_m: float, quantit
         return np.array([row.side_px for row in record.detections])
     true = true_distances(record)
     away = np.where(np.isfinite(true), true, distances(record, flight.camera, flight.floor_map, height_m)["scale"])
-    return away if quantity == "distance_m" else np.degrees(np.arccos(np.clip(height_m / away, 0, 1)))
+    above_floor_m = record.world_from_camera[2, 3]  # the floor is the world's plane z = 0; markers lie a hair above it
+    return away if quantity == "distance_m" else np.degrees(np.arccos(np.clip(above_floor_m / away, 0, 1)))
 
 
 def margins_of(record: FrameRecord) -> NDArray[np.float64]:

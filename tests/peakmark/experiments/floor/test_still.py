@@ -185,7 +185,7 @@ def script(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def test_the_script_prints_where_to_render_view(small_scene: Path, tmp_path: Path) -> None:
+def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> None:
     done = script("--scene", str(small_scene), "--out", str(tmp_path / "o"), "--renderer", "exact")
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip().splitlines()[-1].endswith("o/report.html")
