@@ -1,6 +1,6 @@
 """The views along a trajectory on disk: a film of all, and the images and figures of the first."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -11,7 +11,7 @@ from PIL import Image
 
 from peakmark.report import plots
 from peakmark.report.film import filmed
-from peakmark.report.page import jpeg_uri, svg_uri
+from peakmark.report.page import Section, jpeg_uri, svg_uri
 
 
 class Framed(Protocol):
@@ -67,3 +67,10 @@ def write_views(
     for view, _ in drawn:
         on_view(view)
     return first, uris
+
+
+def curve_section(title: str, unit: str, times_s: Sequence[float], values: Sequence[float | None]) -> Section:
+    """Return a part of a page with a curve over the time of the frames; None leaves a gap."""
+    figure, ax = plots.new_figure(8, 2.6)
+    plots.course(ax, np.array(times_s), np.array([np.nan if v is None else v for v in values]), title, unit)
+    return Section(f"Over time: {title}", image=svg_uri(figure))

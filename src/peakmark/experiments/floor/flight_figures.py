@@ -6,8 +6,9 @@ from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.frame import MarkerTruth
 
-from peakmark.experiments.floor.flight_records import FrameRecord, TruthRecord
+from peakmark.experiments.floor.flight_records import FrameRecord
 from peakmark.experiments.floor.flight_tracking import (
     DISTANCES,
     Flown,
@@ -102,17 +103,17 @@ class RecallRow:
     """Median localisation error of the found ones."""
 
 
-def outcomes(records: Iterable[FrameRecord], wanted: Wanted) -> list[tuple[TruthRecord, float]]:
+def outcomes(records: Iterable[FrameRecord], wanted: Wanted) -> list[tuple[MarkerTruth, float]]:
     """Return each marker that must be found with its localisation error, px; nan where it was not found."""
     return [(truth, _error_px(record, truth)) for record in records for truth in wanted.of(record.truth)]
 
 
-def _error_px(record: FrameRecord, truth: TruthRecord) -> float:
+def _error_px(record: FrameRecord, truth: MarkerTruth) -> float:
     found = record.detection_of.get(truth.name)
     return np.nan if found is None else float(np.linalg.norm(found.xy - truth.center_xy))
 
 
-def recall_of(found: Iterable[tuple[TruthRecord, float]]) -> Rate:
+def recall_of(found: Iterable[tuple[MarkerTruth, float]]) -> Rate:
     """Return the share of `outcomes` that were found."""
     errors = [error for _, error in found]
     return rate(int(np.isfinite(errors).sum()), len(errors))
@@ -154,8 +155,8 @@ def detection_figures(flights: Sequence[Flown]) -> DetectionFigures:
 
 
 def _localisation_errors(record: FrameRecord) -> list[float]:
-    known = [(row.xy, record.truth_of.get(row.marker or "")) for row in record.detections]
-    return [float(np.linalg.norm(xy - truth.center_xy)) for xy, truth in known if truth is not None]
+    truth = record.truth_of
+    return [float(np.linalg.norm(d.xy - truth[name].center_xy)) for name, d in record.detection_of.items()]
 
 
 def recall_bins(flights: Iterable[Flown], quantity: str) -> list[Bin]:

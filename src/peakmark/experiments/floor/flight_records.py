@@ -9,42 +9,17 @@ from peaksim.camera.frame import MarkerTruth
 from peaksim.geometry.pose import Pose
 
 from peakmark.experiments.floor.view import FloorView
-from peakmark.identification.detection import Detection, Identification
+from peakmark.identification.detection import Detection
+from peakmark.keypoints.keypoints import Keypoints
 from peakmark.score.markers import ScoreSummary
-
-
-@dataclass(frozen=True)
-class TruthRecord:
-    """What is kept of a `MarkerTruth`, which explains the fields."""
-
-    name: str
-    kind: str
-    center_xy: NDArray[np.float64]
-    """(2,) px."""
-    side_px: float
-    distance_m: float
-    tilt_deg: float
-    visible_fraction: float
 
 
 @dataclass(frozen=True)
 class DetectionRecord:
     """A detection, the feature that it comes from, and the marker that it truly is."""
 
-    xy: NDArray[np.float64]
-    """(2,) centre, px."""
-    side_px: float
-    """Side of the pattern."""
-    affinity: NDArray[np.float64]
-    """(2, 2) px per side; nan where it was not refined."""
-    explained: float | None
-    """Share of the grey levels' variance that the pattern explains; None where it was not refined."""
-    response: float
-    """Determinant of the Hessian."""
-    signature_distance: float
-    """From the ideal signature."""
-    rank: int
-    """1-based, by response, among all features."""
+    detection: Detection
+    """As identified."""
     feature_xy: NDArray[np.float64]
     """(2,) centre of the feature, px."""
     scale_px: float
@@ -75,18 +50,18 @@ class FrameRecord:
     """Against truth."""
     time_s: dict[str, float]
     """Seconds of each stage."""
-    truth: tuple[TruthRecord, ...]
+    truth: tuple[MarkerTruth, ...]
     """Of the markers that are in view at least in part."""
     detections: tuple[DetectionRecord, ...]
     """Strongest first."""
 
     @cached_property
-    def detection_of(self) -> dict[str, DetectionRecord]:
+    def detection_of(self) -> dict[str, Detection]:
         """Name of a found marker → its detection."""
-        return {row.marker: row for row in self.detections if row.marker is not None}
+        return {row.marker: row.detection for row in self.detections if row.marker is not None}
 
     @cached_property
-    def truth_of(self) -> dict[str, TruthRecord]:
+    def truth_of(self) -> dict[str, MarkerTruth]:
         """Name of a marker in view → its truth."""
         return {truth.name: truth for truth in self.truth}
 
@@ -120,39 +95,23 @@ def record_of(view: FloorView) -> FrameRecord:
         features=len(view.found.features),
         score=view.score.summary(),
         time_s=view.time_s,
-        truth=tuple(_truth_record(truth) for truth in view.frame.truth if truth.visible_fraction > 0),
-        detections=tuple(_detection_record(d, view.found, names.get(d.id)) for d in view.found.detections),
+        truth=tuple(truth for truth in view.frame.truth if truth.visible_fraction > 0),
+        detections=tuple(_detection_record(d, view.found.features, names.get(d.id)) for d in view.found.detections),
     )
 
 
-def _truth_record(truth: MarkerTruth) -> TruthRecord:
-    return TruthRecord(
-        truth.name, truth.kind, truth.center_xy, truth.side_px, truth.distance_m, truth.tilt_deg, truth.visible_fraction
-    )
-
-
-def _detection_record(detection: Detection, found: Identification, marker: str | None) -> DetectionRecord:
+def _detection_record(detection: Detection, features: Keypoints, marker: str | None) -> DetectionRecord:
     row = detection.rank - 1
-    return DetectionRecord(
-        xy=detection.xy,
-        side_px=detection.size,
-        affinity=np.full((2, 2), np.nan) if detection.affinity is None else detection.affinity,
-        explained=detection.explained,
-        response=detection.response,
-        signature_distance=detection.signature_distance,
-        rank=detection.rank,
-        feature_xy=found.features.xy[row].astype(np.float64),
-        scale_px=float(found.features.scale[row]),
-        rounded_scale_px=float(found.features.size[row]),
-        marker=marker,
-    )
+    xy, scale, size = features.xy[row].astype(np.float64), float(features.scale[row]), float(features.size[row])
+    return DetectionRecord(detection, xy, scale, size, marker)
 
 
 def columns(record: FrameRecord) -> DetectionColumns:
     """Return a record's detections as columns."""
-    rows = record.detections
+    rows = [row.detection for row in record.detections]
+    shapes = [np.full((2, 2), np.nan) if row.affinity is None else row.affinity for row in rows]
     return DetectionColumns(
         np.array([row.xy for row in rows], dtype=np.float64).reshape(-1, 2),
-        np.array([row.affinity for row in rows], dtype=np.float64).reshape(-1, 2, 2),
-        np.array([row.side_px for row in rows], dtype=np.float64),
+        np.array(shapes, dtype=np.float64).reshape(-1, 2, 2),
+        np.array([row.size for row in rows], dtype=np.float64),
     )

@@ -5,14 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
 
 from peakmark.experiments.floor.flight_figures import MotionFigures, PoseFigures, RecallRow
 from peakmark.experiments.floor.flight_summary import FlightResult
 from peakmark.experiments.floor.flight_tracking import DISTANCES, Flown, FlownFrame
-from peakmark.localise.locate import FloorMap
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
+from peakmark.report.views import curve_section
 from peakmark.score.poses import TrajectoryErrors
 from peakmark.score.statistics import Quantiles
 
@@ -20,6 +21,7 @@ Row = tuple[Any, ...]
 """Of a table: name, value, ends of the interval, cases."""
 
 HEAD = ("figure", "value", "low", "high", "of")
+INTERVALS = "95 % intervals: Wilson for rates, bootstrap for quantiles."
 
 _FILES = ("flight.mp4", "frames.csv", "detections.parquet", "truth.tum", "map.tum", "motion.tum", "result.json")
 
@@ -53,31 +55,34 @@ def write_flight_report(path: Path, flown: Flown, result: FlightResult) -> None:
         f"seed {config.seed}, rule {config.rule}, renderer {result.renderer}. "
         f"{error_budget(result.renderer)}. {' '.join(result.remarks)}"
     )
-    intervals = "95 % intervals: Wilson for rates, bootstrap for quantiles."
-    sections = [Section("Figures", intervals, Table(HEAD, result_rows(result)))]
+    sections = [Section("Figures", INTERVALS, Table(HEAD, result_rows(result)))]
     if flown.floor_map is not None:
         figure, ax = plots.new_figure(7, 7)
-        draw_top_view(ax, flown.floor_map, flown)
+        draw_top_view(ax, flown)
         sections.append(Section("Seen from above", image=svg_uri(figure)))
     sections += [_breakdown(quantity, rows) for quantity, rows in result.recall_by.items()]
-    sections += [_curve(title, unit, value, flown.frames) for title, unit, value in CURVES]
+    times_s = [record.time_on_path_s for record in flown.records]
+    sections += [
+        curve_section(title, unit, times_s, [value(frame) for frame in flown.frames]) for title, unit, value in CURVES
+    ]
     links = [name for name in _FILES if (path.parent / name).exists() or name == "result.json"]
     sections.append(Section("Files", links=links))
     write_report(path, "Fly-through: markers found and scored", lead, sections)
 
 
-def draw_top_view(ax: Any, floor_map: FloorMap, flown: Flown) -> None:
-    """Draw the markers and the camera's trajectories: the true one, and those found with and without the map."""
-    titles = {"truth": "truth", "map": "with the map", "motion": "without a map"}
-    plots.top_view(ax, floor_map.centers_m[:, :2], lines_m(flown, titles))
-
-
-def lines_m(flown: Flown, titles: dict[str, str]) -> dict[str, Any]:
-    """Return title → (n, 2) camera positions of each of `Flown.trajectories`, metres; nan where there is no pose."""
-    return {
-        titles[name]: np.array([[np.nan] * 2 if pose is None else pose[:2, 3] for pose in poses])
-        for name, poses in flown.trajectories.items()
-    }
+def draw_top_view(
+    ax: Any,
+    flown: Flown,
+    titles: Sequence[str] = ("truth", "with the map", "without a map"),
+    **others_m: NDArray[np.float64],
+) -> None:
+    """Draw the markers, other (k, 2) lines, and the camera's trajectories: true, found with and without the map."""
+    assert flown.floor_map is not None
+    lines_m = [
+        np.array([[np.nan] * 2 if pose is None else pose[:2, 3] for pose in poses])
+        for poses in flown.trajectories.values()
+    ]
+    plots.top_view(ax, flown.floor_map.centers_m[:, :2], others_m | dict(zip(titles, lines_m, strict=True)))
 
 
 def result_rows(result: FlightResult) -> list[Row]:
@@ -151,10 +156,3 @@ def _breakdown(quantity: str, rows: Sequence[RecallRow]) -> Section:
     ]
     head = (f"{name} ({unit})", "markers", "recall", "low", "high", "localisation p50 (px)")
     return Section(f"Recall by {name}, markers fully in view", table=Table(head, table))
-
-
-def _curve(title: str, unit: str, value: Callable[[FlownFrame], float | None], frames: Sequence[FlownFrame]) -> Section:
-    figure, ax = plots.new_figure(8, 2.6)
-    values = np.array([np.nan if (v := value(frame)) is None else v for frame in frames], dtype=np.float64)
-    plots.course(ax, np.array([frame.record.time_on_path_s for frame in frames]), values, title, unit)
-    return Section(f"Over time: {title}", image=svg_uri(figure))

@@ -99,7 +99,7 @@ def _write(folder: Path, flight: Flight, flown: Flown, result: FlightResult, ima
                 append(np.asarray(image.convert("RGB")))
     if flown.floor_map is not None:
         figure, ax = plots.new_figure(7, 7)
-        flight_report.draw_top_view(ax, flown.floor_map, flown)
+        flight_report.draw_top_view(ax, flown)
         plots.save(figure, folder / "top_view.png")
     flight_report.write_flight_report(folder / "report.html", flown, result)
     write_json(folder / "result.json", result)
@@ -129,22 +129,22 @@ def _errors(error: tuple[float, float] | None) -> dict[str, float | None]:
     return dict(zip(("error_mm", "error_deg"), error or (None, None), strict=True))
 
 
+_COPIED = ("explained", "response", "signature_distance", "rank")
+_COLUMNS = (
+    *("frame", "time_s", "track", "truth", "map_marker", "x", "y", "side_px", "a11", "a12", "a21", "a22", *_COPIED),
+    *("feature_x", "feature_y", "scale_px", "rounded_scale_px"),
+    *("distance_rounded_m", "distance_scale_m", "distance_refined_m", "true_distance_m"),
+)
+"""Of detections.parquet."""
+
+
 def write_detections(path: Path, flown: Flown, marker_names: Sequence[str]) -> None:
     """Write one row a detection of all frames; the schema is the same for any flight, empty ones included."""
     import pyarrow as pa
     from pyarrow import parquet
 
-    text, number, whole = pa.string(), pa.float64(), pa.int64()
-    schema = pa.schema(
-        [("frame", whole), ("time_s", number), ("track", whole), ("truth", text), ("map_marker", text)]
-        + [(name, number) for name in ("x", "y", "side_px", "a11", "a12", "a21", "a22", "explained", "response")]
-        + [("signature_distance", number), ("rank", whole)]
-        + [(name, number) for name in ("feature_x", "feature_y", "scale_px", "rounded_scale_px")]
-        + [
-            (name, number)
-            for name in ("distance_rounded_m", "distance_scale_m", "distance_refined_m", "true_distance_m")
-        ]
-    )
+    kinds = {"truth": pa.string(), "map_marker": pa.string(), **dict.fromkeys(("frame", "track", "rank"), pa.int64())}
+    schema = pa.schema([(name, kinds.get(name, pa.float64())) for name in _COLUMNS])
     heights = flown.heights_m.tolist()
     rows = [
         row
@@ -155,11 +155,11 @@ def write_detections(path: Path, flown: Flown, marker_names: Sequence[str]) -> N
 
 
 def _detection_rows(flown: Flown, frame: FlownFrame, height_m: float, names: Sequence[str]) -> list[dict[str, Any]]:
-    record = frame.record
+    record, table = frame.record, columns(frame.record)
     found, true = distances(record, flown.camera, flown.floor_map, height_m), true_distances(record)
     on_map = np.full(len(record.detections), -1)
     if frame.located is not None:
-        on_map[columns(record).refined] = frame.located.marker_of
+        on_map[table.refined] = frame.located.marker_of
     return [
         {
             "frame": record.frame,
@@ -167,16 +167,11 @@ def _detection_rows(flown: Flown, frame: FlownFrame, height_m: float, names: Seq
             "track": int(frame.track_ids[k]),
             "truth": row.marker,
             "map_marker": None if on_map[k] < 0 else names[on_map[k]],
-            "x": row.xy[0],
-            "y": row.xy[1],
-            "side_px": row.side_px,
-            **{f"a{i + 1}{j + 1}": _number(row.affinity[i, j]) for i in (0, 1) for j in (0, 1)},
-            "explained": row.explained,
-            "response": row.response,
-            "signature_distance": row.signature_distance,
-            "rank": row.rank,
-            "feature_x": row.feature_xy[0],
-            "feature_y": row.feature_xy[1],
+            **dict(zip("xy", row.detection.xy, strict=True)),
+            "side_px": row.detection.size,
+            **{f"a{i + 1}{j + 1}": _number(table.affinity[k, i, j]) for i in (0, 1) for j in (0, 1)},
+            **{name: getattr(row.detection, name) for name in _COPIED},
+            **dict(zip(("feature_x", "feature_y"), row.feature_xy, strict=True)),
             "scale_px": row.scale_px,
             "rounded_scale_px": row.rounded_scale_px,
             **{f"distance_{name}_m": _number(values[k]) for name, values in found.items()},

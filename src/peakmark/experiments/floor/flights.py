@@ -18,7 +18,7 @@ from peakmark.experiments.floor.flight_figures import (
     pose_figures,
     recall_bins,
 )
-from peakmark.experiments.floor.flight_records import FrameRecord
+from peakmark.experiments.floor.flight_records import FrameRecord, columns
 from peakmark.experiments.floor.flight_summary import FlightResult
 from peakmark.experiments.floor.flight_tracking import Flown, distances, true_distances
 from peakmark.plain import plain_fields
@@ -143,7 +143,7 @@ def breakdown(flights: Sequence[Flown], quantity: str) -> list[BreakdownRow]:
 def detected_values(flight: Flown, record: FrameRecord, height_m: float, quantity: str) -> NDArray[np.float64]:
     """Return side (px), distance (m) or tilt (°) of each detection: the marker's own, or what its size stands for."""
     if quantity == "side_px":
-        return np.array([row.side_px for row in record.detections])
+        return columns(record).side_px
     true = true_distances(record)
     away = np.where(np.isfinite(true), true, distances(record, flight.camera, flight.floor_map, height_m)["scale"])
     above_floor_m = record.world_from_camera[2, 3]  # the floor is the world's plane z = 0; markers lie a hair above it
@@ -152,7 +152,7 @@ def detected_values(flight: Flown, record: FrameRecord, height_m: float, quantit
 
 def margins_of(record: FrameRecord) -> NDArray[np.float64]:
     """Return each detection's response over that of the strongest clutter; nan without clutter."""
-    return np.array([row.response for row in record.detections]) / (record.score.strongest_clutter or np.nan)
+    return np.array([row.detection.response for row in record.detections]) / (record.score.strongest_clutter or np.nan)
 
 
 def flight_row(flight: Flown, result: FlightResult) -> FlightRow:

@@ -119,42 +119,17 @@ def headline(result: FlightsResult) -> list[Row]:
 
 
 def _bin_cells(row: BreakdownRow) -> Row:
-    recall, precision = row.recall, row.precision
-    return (
-        f"{row.low}…{row.high}",
-        recall.of,
-        recall.value,
-        recall.low,
-        recall.high,
-        precision.value,
-        precision.low,
-        row.stands_out.value,
-        row.margin,
-    )
+    recall, precision, margin = row.recall, row.precision, (row.stands_out.value, row.margin)
+    of_bin = (f"{row.low}…{row.high}", recall.of, recall.value, recall.low, recall.high)
+    return (*of_bin, precision.value, precision.low, *margin)
 
 
 def _stretch_cells(row: StretchRow) -> Row:
-    return (
-        row.stretch,
-        row.recall.value,
-        row.recall.low,
-        row.recall.high,
-        row.recall_below_60_deg.value,
-        row.recall_from_60_deg.value,
-        row.precision.value,
-        row.response_drop[50],
-    )
+    by_tilt = (row.recall_below_60_deg.value, row.recall_from_60_deg.value)
+    recall = (row.recall.value, row.recall.low, row.recall.high, *by_tilt)
+    return (row.stretch, *recall, row.precision.value, row.response_drop[50])
 
 
 def _flight_cells(row: FlightRow) -> Row:
-    return (
-        row.flight,
-        row.frames,
-        row.recall.value,
-        row.precision.value,
-        row.false,
-        row.located,
-        row.map_ate_mm,
-        row.motion_ate_mm,
-        row.track_swaps,
-    )
+    found = (row.recall.value, row.precision.value, row.false, row.located)
+    return (row.flight, row.frames, *found, row.map_ate_mm, row.motion_ate_mm, row.track_swaps)

@@ -1,6 +1,5 @@
 """Writes what the floor experiment found: images, film, tables, report.html and result.json."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -17,9 +16,9 @@ from peakmark.identification.paper import SIGNATURE_LIMIT
 from peakmark.plain import inlined
 from peakmark.report import plots
 from peakmark.report.overlay import draw_overlay
-from peakmark.report.page import Section, Table, svg_uri, write_report
+from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
-from peakmark.report.views import write_views
+from peakmark.report.views import curve_section, write_views
 from peakmark.score.markers import ScoreSummary, at_markers
 
 
@@ -132,18 +131,12 @@ def _write_report(
 
 
 def _trajectory_sections(rows: list[ViewRow]) -> list[Section]:
-    times_s = np.array([row.time_on_path_s for row in rows])
-
-    def curve(title: str, unit: str, value: Callable[[ScoreSummary], float | None]) -> Section:
-        figure, ax = plots.new_figure(8, 2.6)
-        values = np.array([np.nan if (v := value(row.score)) is None else v for row in rows], dtype=np.float64)
-        plots.course(ax, times_s, values, title, unit)
-        return Section(f"Over time: {title}", image=svg_uri(figure))
-
+    scores, times_s = [row.score for row in rows], [row.time_on_path_s for row in rows]
+    missed = [score.markers_in_view - score.markers_found for score in scores]
     return [
-        curve("missed markers", "", lambda score: score.markers_in_view - score.markers_found),
-        curve("response drop", "ratio", lambda score: score.response_drop),
-        curve("localisation rms", "px", lambda score: score.localisation_px.rms),
+        curve_section("missed markers", "", times_s, missed),
+        curve_section("response drop", "ratio", times_s, [score.response_drop for score in scores]),
+        curve_section("localisation rms", "px", times_s, [score.localisation_px.rms for score in scores]),
         Section("Film and table", links=("flight.mp4", "frames.csv")),
     ]
 

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
-from peaksim.geometry.floor_path import FloorPath
 from peaksim.whole_file import whole_file
 
 from peakmark.experiments.floor.flight import map_of
-from peakmark.experiments.floor.flight_report import HEAD, Row, lines_m
+from peakmark.experiments.floor.flight_report import HEAD, Row, draw_top_view
 from peakmark.experiments.floor.flight_tracking import Flown, track_frames
 from peakmark.experiments.floor.view import FloorView
 from peakmark.experiments.journal import Journal
@@ -37,6 +36,7 @@ _DRAWN = 6
 """Paths that the report shows from above."""
 
 _FILM = "drive.mp4"
+_TRAJECTORIES = ("camera, truth", "estimate with the map", "estimate without a map")
 _CAPTION = "The path, where the camera truly was, and where the markers say it was."
 
 
@@ -135,7 +135,9 @@ def _write(folder: Path, finished_film: Path, drives: Sequence[Driven], result: 
     os.replace(finished_film, folder / _FILM)
     figure, axes = _grid(min(_DRAWN, len(drives)))
     for ax, one in zip(axes, drives, strict=False):
-        draw_top_view(ax, one)
+        path = one.drive_path.path
+        draw_top_view(ax, one.flown, _TRAJECTORIES, path=path.at(np.linspace(0, path.length_m, 200)))
+        ax.set_title(one.flown.name)
     plots.save(figure, folder / "top_view.png")
     sections = [
         Section("Figures", "95 % Wilson intervals.", Table(HEAD, result_rows(result))),
@@ -167,20 +169,6 @@ def _grid(count: int) -> tuple[Any, Any]:
     return figure, axes
 
 
-def draw_top_view(ax: Any, driven: Driven) -> None:
-    """Draw markers, path, and the camera's trajectories: the true one, and those found with and without the map."""
-    floor_map = driven.flown.floor_map
-    assert floor_map is not None
-    titles = {"truth": "camera, truth", "map": "estimate with the map", "motion": "estimate without a map"}
-    lines = {"path": _line(driven.drive_path.path), **lines_m(driven.flown, titles)}
-    plots.top_view(ax, floor_map.centers_m[:, :2], lines)
-    ax.set_title(driven.flown.name)
-
-
-def _line(path: FloorPath) -> NDArray[np.float64]:
-    return path.at(np.linspace(0, path.length_m, 200))
-
-
 def _cross_track(drives: Sequence[Driven]) -> Any:
     figure, ax = plots.new_figure(8, 3.5)
     for one in drives:
@@ -192,33 +180,16 @@ def _cross_track(drives: Sequence[Driven]) -> Any:
 
 
 PATH_HEAD = (
-    "path",
-    "completed",
-    "reached (m)",
-    "cross-track rms (cm)",
-    "max (cm)",
-    "coasted (cm)",
-    "markers seen",
-    "lost",
-    "found again",
-    "frames",
+    *("path", "completed", "reached (m)", "cross-track rms (cm)", "max (cm)", "coasted (cm)"),
+    *("markers seen", "lost", "found again", "frames"),
 )
 
 
 def path_row(number: int, path: PathFigures) -> Row:
     """Return one path's line of the table under `PATH_HEAD`."""
-    return (
-        number,
-        "yes" if path.completed else "no",
-        path.reached_m,
-        100 * path.cross_track_rms_m,
-        100 * path.cross_track_max_m,
-        100 * path.coasted_m,
-        path.markers_seen,
-        path.gaps,
-        path.found_again,
-        path.frames,
-    )
+    off_path_cm = (100 * path.cross_track_rms_m, 100 * path.cross_track_max_m, 100 * path.coasted_m)
+    counts = (path.markers_seen, path.gaps, path.found_again, path.frames)
+    return (number, "yes" if path.completed else "no", path.reached_m, *off_path_cm, *counts)
 
 
 def result_rows(result: DriveResult) -> list[Row]:

@@ -4,20 +4,22 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.frame import MarkerTruth
 
-from peakmark.experiments.floor.flight_records import DetectionRecord, FrameRecord, TruthRecord
+from peakmark.experiments.floor.flight_records import DetectionRecord, FrameRecord
+from peakmark.identification.detection import Detection
 from peakmark.score.markers import Localisation, ScoreSummary
 
 
-def truth_record(name: str, side_px: float = 50.0, tilt_deg: float = 0.0, distance_m: float = 1.0) -> TruthRecord:
+def truth_record(name: str, side_px: float = 50.0, tilt_deg: float = 0.0, distance_m: float = 1.0) -> MarkerTruth:
     """Return a marker that is wholly in view; its name's first letter says where."""
-    return TruthRecord(name, "surf-dark", _position(name), side_px, distance_m, tilt_deg, 1.0)
+    return MarkerTruth(name, "surf-dark", _position(name), np.zeros((4, 2)), side_px, distance_m, tilt_deg, 1.0)
 
 
 def detection_record(marker: str | None, off_px: float = 0.0) -> DetectionRecord:
     """Return a detection that is so far off its marker, or a false one."""
-    xy = _position(marker or "!") + [0.0, off_px]
-    return DetectionRecord(xy, 50.0, np.full((2, 2), np.nan), None, 10.0, 0.1, 1, xy, 46.0, 46.0, marker)
+    xy = _position(marker or "!") + np.array([0.0, off_px])
+    return DetectionRecord(Detection(0, xy, 50.0, "dark", 10.0, 0.1, 1), xy, 46.0, 46.0, marker)
 
 
 def _position(name: str) -> NDArray[np.float64]:
@@ -25,7 +27,7 @@ def _position(name: str) -> NDArray[np.float64]:
 
 
 def frame_record(
-    truth: Sequence[TruthRecord | str],
+    truth: Sequence[MarkerTruth | str],
     detections: Sequence[DetectionRecord | str],
     response_drop: float | None = None,
     strongest_clutter: float | None = None,
