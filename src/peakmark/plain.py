@@ -33,7 +33,7 @@ def plain_fields(record: Any) -> dict[str, Any]:
 
 
 def inlined(record: Any, name: str) -> dict[str, Any]:
-    """Return the plain fields of a dataclass, with those of its field `name` in the place of that field."""
+    """Return the plain fields of a dataclass, with the fields of its field `name` instead of that field."""
     plain: dict[str, Any] = {}
     for field, part in plain_fields(record).items():
         plain.update(part if field == name else {field: part})

@@ -50,7 +50,7 @@ def _stage(target: Path) -> Path:
 
 
 def _publish(stage: Path, target: Path) -> None:
-    """Move every file to its place; `result.json` last, so that it vouches for the others."""
+    """Move every file to where it belongs; `result.json` last, so that it vouches for the others."""
     for path in sorted(stage.iterdir(), key=lambda p: (p.name == "result.json", p.name)):
         destination = target / path.name
         if path.is_dir() and destination.is_dir():

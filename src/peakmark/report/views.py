@@ -22,17 +22,17 @@ class Framed(Protocol):
         """After the sensor."""
 
 
-Seen = TypeVar("Seen", bound=Framed)
+AnyView = TypeVar("AnyView", bound=Framed)
 
 
 def write_views(
     folder: Path,
-    views: Iterable[Seen],
-    overlay: Callable[[Seen], NDArray[np.uint8]],
-    figures: Callable[[Seen], dict[str, Any]],
+    views: Iterable[AnyView],
+    overlay: Callable[[AnyView], NDArray[np.uint8]],
+    figures: Callable[[AnyView], dict[str, Any]],
     film: str | None,
-    on_view: Callable[[Seen], None],
-) -> tuple[Seen, dict[str, str]]:
+    on_view: Callable[[AnyView], None],
+) -> tuple[AnyView, dict[str, str]]:
     """Write frame.png, overlay.png and the figures of the first view, and a film of all overlays.
 
     Parameters

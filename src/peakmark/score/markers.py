@@ -1,4 +1,4 @@
-"""Detections against truth: which markers were found, how precisely, and how far clutter stays behind."""
+"""Detections against truth: which markers were found, how precisely, and how far clutter stays below them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class MarkerScore:
     is_polarity_right: bool | None = None
     """By the sign of the Laplacian; None if not found."""
     is_signature_right: bool | None = None
-    """Whether the signature tells the polarity, too; None if not found, or without descriptors."""
+    """Whether the signature gives the polarity, too; None if not found, or without descriptors."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from peakmark.errors import InputError
 
 WRONG_M, WRONG_DEG = 0.1, 5.0
-"""A pose that is farther off counts as wrong: a flip, or another place of the map. Chosen by hand, far above the
+"""A pose that is farther off counts as wrong: a flip, or another part of the map. Chosen by hand, far above the
 errors of measurement (docs/driving.md) and below the distance between markers."""
 
 
@@ -25,7 +25,7 @@ def pose_error(estimate: Pose | None, truth: Pose) -> tuple[float, float] | None
 
 
 def is_wrong(error: tuple[float, float] | None) -> bool:
-    """Return whether an accepted pose is a flip or another place."""
+    """Return whether an accepted pose is a flip or on another part of the map."""
     return error is not None and (error[0] > 1000 * WRONG_M or error[1] > WRONG_DEG)
 
 
@@ -79,7 +79,7 @@ def trajectory_errors(
     if is_aligned:
         try:
             own.align(reference)
-        except GeometryException:  # a straight path does not tell its roll
+        except GeometryException:  # a straight path leaves its roll open
             own.align_origin(reference)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     rpe = metrics.RPE(metrics.PoseRelation.translation_part)

@@ -66,7 +66,7 @@ class Flight:
     """A loaded flight."""
 
     config: FlightConfig
-    """What was asked for."""
+    """What was to be flown."""
     setup: Setup
     """The scene and its own camera."""
     ride: Ride

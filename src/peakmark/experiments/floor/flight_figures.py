@@ -66,7 +66,7 @@ class PoseFigures:
     located: Rate
     """With the pose before, too."""
     wrong: int
-    """Poses that were accepted and are a flip or another place."""
+    """Poses that were accepted and are a flip or on another part of the map."""
     position_mm: Quantiles
     """Errors."""
     rotation_deg: Quantiles

@@ -1,4 +1,4 @@
-"""The report of a flight: its figures, their course over time, and the trajectory seen from above."""
+"""The report of a flight: its figures, curves over time, and the trajectory from above."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -33,7 +33,7 @@ class FlightResult:
 
     detection: DetectionFigures
     distance: dict[str, Quantiles] | None
-    """Relative errors by what the distance is told from."""
+    """Relative errors, by each of `DISTANCES`."""
     pose: PoseFigures | None
     motion: MotionFigures | None
     time_s: dict[str, float]

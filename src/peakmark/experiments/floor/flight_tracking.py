@@ -1,4 +1,4 @@
-"""What a flight's records tell in their order: tracks, where the camera was, and how well that was found."""
+"""What follows from a flight's records in their order: tracks, the camera's poses, and the errors of these."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from peakmark.score.poses import is_wrong, pose_error
 from peakmark.score.wanted import SMALLEST_PX, Wanted
 
 DISTANCES = ("rounded", "scale", "refined")
-"""What a distance is told from: the rounded scale, the scale, and the refined shape."""
+"""What a distance is computed from: the rounded scale, the scale, and the refined shape."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class FlownFrame:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the pose in the map was accepted and is a flip or another place."""
+        """Whether the pose in the map was accepted and is a flip or on another part of the map."""
         return is_wrong(self.map_error)
 
 

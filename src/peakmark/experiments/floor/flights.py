@@ -59,7 +59,7 @@ class BreakdownRow:
 
 @dataclass(frozen=True)
 class FlightRow:
-    """One flight's line of the table; None where the flight cannot tell."""
+    """One flight's line of the table; None where a flight has no such figure."""
 
     flight: str
     frames: int

@@ -68,7 +68,7 @@ def score_view(
 ) -> FloorView:
     """Detect, identify and score the markers of a frame that took so long to render.
 
-    `strongest` limits the features that are described, `refine` asks for sub-pixel positions; see `identify`.
+    `strongest` limits the features that are described, `refine` adds sub-pixel positions; see `identify`.
     """
     start = perf_counter()
     gray = as_gray(frame.image)

@@ -1,4 +1,4 @@
-"""A robot that drives along markers by what its camera sees (paper, Section 4.2, with the loop closed).
+"""A robot that drives along markers by its camera alone (paper, Section 4.2, with the loop closed).
 
     path ─▶ scene ─▶ image ─▶ markers found ─▶ command ─▶ wheels, with noise and latency ─▶ the next image
 

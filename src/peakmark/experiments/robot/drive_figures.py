@@ -47,7 +47,7 @@ class PathFigures:
     position_mm: Quantiles
     """Errors of the position with the map."""
     wrong_poses: int
-    """Poses that were accepted and are a flip or another place."""
+    """Poses that were accepted and are a flip or on another part of the map."""
 
 
 @dataclass(frozen=True)

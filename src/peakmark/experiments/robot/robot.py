@@ -61,7 +61,7 @@ class State:
 
 @dataclass(frozen=True)
 class Command:
-    """What the wheels are asked for."""
+    """What the wheels should do."""
 
     speed_m_s: float = 0.0
     turn_rad_s: float = 0.0
@@ -111,7 +111,7 @@ def driven(
     Parameters
     ----------
     robot, state, command
-        The robot, where it is, and what it is asked to do.
+        The robot, where it is, and what it should do.
     time_s
         For how long; rounded to multiples of `NOISE_S`.
     bias

@@ -10,7 +10,7 @@ from peakmark.experiments.floor.flight_records import FrameRecord, columns, reco
 from peakmark.plain import from_plain, to_plain
 
 
-def test_a_record_tells_what_the_view_held_and_is_itself_after_json(ride: Path) -> None:
+def test_a_record_holds_what_was_found_and_is_itself_after_json(ride: Path) -> None:
     view = render_view(open_flight(FlightConfig(str(ride), texture="brick", frames=3)), 1)
     record = record_of(view)
     assert len(record.detections) == len(view.found.detections) > 2

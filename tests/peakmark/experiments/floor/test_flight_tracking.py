@@ -1,4 +1,4 @@
-"""What frames tell in their order: changed and swapped tracks, and distances where no map gives any."""
+"""Frames in their order: changed and swapped tracks, and distances where no map gives any."""
 
 import numpy as np
 

@@ -1,6 +1,7 @@
 """Pooling over flights on a small sample, and where a detection counts."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from peakmark.experiments.floor.flight_results import fly_and_keep
 from peakmark.experiments.floor.flight_summary import FlightResult
 from peakmark.experiments.floor.flight_tracking import Flown, distances
 from peakmark.experiments.floor.flights import PooledFigures, breakdown, detected_values, flight_config, pooled
-from peakmark.experiments.floor.flights_results import FlightsResult, headline, sections
+from peakmark.experiments.floor.flights_results import FlightsResult, headline, run_flights, sections
 from peakmark.experiments.floor.stretch_sweep import stretch_row
 from peakmark.plain import to_plain
 
@@ -72,3 +73,19 @@ def test_tables_and_result_have_what_was_pooled(result: PooledFigures) -> None:
     assert list(plain) == ["detection", "breakdown", "distance", "pose", "flights", "blank", "stretch"]
     assert "localisation_px" not in plain["detection"]
     assert np.isfinite(plain["detection"]["response_drop"]["p50"])
+
+
+def test_an_interrupted_evaluation_does_not_fly_its_finished_flights_again(tmp_path: Path) -> None:
+    def give_up(stage: str) -> None:
+        if not stage.startswith("fly"):
+            raise KeyboardInterrupt
+
+    kept = []
+    for is_resumed in (False, True):
+        with pytest.raises(KeyboardInterrupt):
+            run_flights(tmp_path, 2, is_resumed, (("stroll", "brick", 1),), give_up)
+        journal = tmp_path / "stroll-brick-1" / "journal.jsonl"
+        kept.append(journal.read_text())
+        assert not (journal.parent / "journal").exists()
+    assert kept[0] == kept[1]
+    assert len(kept[0].splitlines()) == 1 + 2 + 1
