@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from peakmark.detectors.registry import NAMES, find_detector
 from peakmark.errors import InputError
 from peakmark.identification import api as identification
-from peakmark.identification.both import identify_both
 from peakmark.identification.detection import Detection
+from peakmark.identification.search import search_image
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.patterns import Polarity
 from peakmark.regress.detector_process import run_process
@@ -106,11 +106,11 @@ def built_in(settings: FinderSettings) -> Finder:
 
 def _find_markers(stretch: float, parameters: dict[str, Any], image: NDArray[np.uint8]) -> Found:
     """Find light and dark markers among the features of one stretched image."""
-    features = identification.stretched_features(image, stretch, **parameters)
+    features = identification.detect_stretched(image, stretch, **parameters)
     both = [
         d
         for polarity in get_args(Polarity)
-        for d in identification.examine(image, features, polarity, stretch=stretch).detections
+        for d in identification.identify_features(image, features, polarity, stretch=stretch).detections
     ]
     ordered = sorted(both, key=lambda detection: -detection.response)
     return Found(features, tuple(replace(detection, id=i) for i, detection in enumerate(ordered)))
@@ -118,7 +118,7 @@ def _find_markers(stretch: float, parameters: dict[str, Any], image: NDArray[np.
 
 def _find_both(image: NDArray[np.uint8]) -> Found:
     """Find light and dark markers by the classifier of the CAVE."""
-    both = identify_both(image)
+    both = search_image(image)
     return Found(both.features, both.detections)
 
 

@@ -17,7 +17,8 @@ from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.samples import room_and_frames
 from peakmark.experiments.cave.walk import View, judged, places_of
-from peakmark.localise.from_arrays import ArrayPose, Place, pose_from_arrays
+from peakmark.localise.from_arrays import Place, pose_from_arrays
+from peakmark.localise.pose import PoseEstimate
 from peakmark.parallel import set_thread_count
 from peakmark.score.arrays import PrintedArray, printed_arrays
 from peakmark.score.poses import pose_error
@@ -171,10 +172,10 @@ def _walls(known: Sequence[MarkerArray], places: Mapping[int, Place]) -> list[li
     return list(walls.values())
 
 
-def pose_row(found: ArrayPose, truth: Pose) -> dict[str, Any]:
+def pose_row(found: PoseEstimate, truth: Pose) -> dict[str, Any]:
     """Return a pose's errors; it is flipped if the other pose that was found is nearer to the truth."""
     errors = pose_error(found.fit.world_from_camera, truth)
-    other = None if found.other is None else pose_error(found.other.world_from_camera, truth)
+    other = None if found.rival is None else pose_error(found.rival.world_from_camera, truth)
     assert errors is not None
     is_flipped = other is not None and other[1] < errors[1]
     return {"mm": errors[0], "deg": errors[1], "is_flipped": is_flipped, "is_certain": found.is_certain}

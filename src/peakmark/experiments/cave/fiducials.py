@@ -22,7 +22,7 @@ from peaksim.scene.texture import Texture
 from peakmark.arrays.decode import decode_arrays
 from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import photographs
-from peakmark.identification.both import identify_both
+from peakmark.identification.search import search_image
 from peakmark.markers.array_code import THREE_BIT, polarities_of
 from peakmark.markers.patterns import Polarity, surf_marker
 
@@ -152,7 +152,7 @@ def look_for(design: Design, gray: NDArray[np.uint8]) -> list[tuple[int, NDArray
     """Return (id, centre) of everything that the design's detector finds."""
     if design in TAGS:
         return list(_tags(TAGS[design][0], gray))
-    found = identify_both(gray).detections
+    found = search_image(gray).detections
     if design == "SURF marker":
         return [(int(d.polarity == "light"), d.xy) for d in found]
     return [(array.code, array.xy) for array in decode_arrays(found, image=gray) if array.code is not None]

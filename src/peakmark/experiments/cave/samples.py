@@ -23,8 +23,8 @@ from peakmark.experiments.cave.rooms import (
     random_view,
     resized,
 )
-from peakmark.identification.both import features_of
-from peakmark.identification.evidence import evidence
+from peakmark.identification.evidence import feature_evidence
+from peakmark.identification.search import detect_features
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.score.wanted import FULLY_IN_VIEW, READABLE
@@ -95,7 +95,7 @@ def collect(split: Split, rooms: Sequence[int], views_per_room: int, seed: int) 
         _, frames = room_and_frames(split, number, views_per_room, seed)
         for frame in frames:
             gray = as_gray(frame.image)
-            parts.append(label(gray, features_of(gray), frame.truth, number))
+            parts.append(label(gray, detect_features(gray), frame.truth, number))
     return joined(parts)
 
 
@@ -151,4 +151,4 @@ def label(gray: NDArray[np.uint8], features: Keypoints, truth: Sequence[MarkerTr
     kept = is_marker | ~is_left_out
     rooms = np.full(int(kept.sum()), room, dtype=np.int64)
     side_px, tilt_deg = owner[kept].T
-    return Samples(evidence(gray, features[kept]), is_marker[kept], rooms, side_px, tilt_deg, unseen, 1)
+    return Samples(feature_evidence(gray, features[kept]), is_marker[kept], rooms, side_px, tilt_deg, unseen, 1)

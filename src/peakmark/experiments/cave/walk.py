@@ -15,9 +15,10 @@ from peaksim.scene.scene import Scene
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
-from peakmark.identification.both import Both, examine_both, features_of
+from peakmark.identification.search import SearchResult, detect_features, search_features
 from peakmark.keypoints.image import as_gray
-from peakmark.localise.from_arrays import ArrayPose, Place, pose_from_arrays
+from peakmark.localise.from_arrays import Place, pose_from_arrays
+from peakmark.localise.pose import PoseEstimate
 from peakmark.score.arrays import ArrayScore, PrintedArray, printed_arrays, score_arrays
 from peakmark.score.markers import Score, score_frame
 from peakmark.score.poses import pose_error
@@ -53,13 +54,13 @@ class CaveConfig:
 class Reading:
     """What was found in one picture; nothing here knows the truth."""
 
-    found: Both
+    found: SearchResult
     """Features, evidence and markers."""
     arrays: tuple[MarkerArray, ...]
     """By the robust decoder."""
     by_paper: tuple[MarkerArray, ...]
     """By the paper's rule, which takes the arrays for upright."""
-    pose: ArrayPose | None
+    pose: PoseEstimate | None
     """The camera's, from all arrays whose code is on the map; None without any."""
     time_s: dict[str, float]
     """Seconds for "detect", "identify", "decode" and "localise"."""
@@ -130,9 +131,9 @@ def places_of(printed: Sequence[PrintedArray]) -> dict[int, Place]:
 def read_picture(frame: Frame, places: Mapping[int, Place]) -> Reading:
     """Find, decode and localise in one picture; of the frame only picture and camera are used."""
     gray, laps = as_gray(frame.image), [perf_counter()]
-    features = features_of(gray)
+    features = detect_features(gray)
     laps.append(perf_counter())
-    found = examine_both(gray, features)
+    found = search_features(gray, features)
     laps.append(perf_counter())
     arrays = decode_arrays(found.detections, image=gray)
     laps.append(perf_counter())

@@ -8,7 +8,7 @@ from peaksim.camera.frame import Frame
 from peaksim.rendering import Renderer
 from peaksim.scene.scene import Scene
 
-from peakmark.identification.api import Rule, examine, stretched_features
+from peakmark.identification.api import Rule, detect_stretched, identify_features
 from peakmark.identification.detection import Identification
 from peakmark.identification.stretch import Stretch
 from peakmark.keypoints.image import as_gray
@@ -72,9 +72,9 @@ def score_view(
     """
     start = perf_counter()
     gray = as_gray(frame.image)
-    features = stretched_features(gray, stretch, strongest=strongest)
+    features = detect_stretched(gray, stretch, strongest=strongest)
     detected = perf_counter()
-    found = examine(gray, features, "dark", rule, stretch, refine=refine)
+    found = identify_features(gray, features, "dark", rule, stretch, refine=refine)
     identified = perf_counter()
     score = score_frame(frame.truth, found.detections, found.features)
     seconds = {

@@ -10,8 +10,8 @@ from peaksim.camera.frame import MarkerTruth
 from peakmark.errors import InputError
 from peakmark.experiments.cave.samples import Samples, joined, label, load_samples, save_samples
 from peakmark.experiments.cave.training import CLUTTER, TrainingConfig, judge, required, train
-from peakmark.identification.both import features_of
 from peakmark.identification.classifier import COLUMNS
+from peakmark.identification.search import detect_features
 from tests.helpers import marker_view
 
 
@@ -68,7 +68,7 @@ def marker_at(x: float, y: float, side: float, visible: float = 1.0) -> MarkerTr
 
 def test_labels_ghosts_are_left_out_and_hidden_markers_too() -> None:
     gray = marker_view(60)
-    features = features_of(gray)
+    features = detect_features(gray)
     samples = label(gray, features, [marker_at(128, 128, 60)], 7)
     assert samples.is_marker.sum() == 1
     assert samples.side_px[samples.is_marker] == 60

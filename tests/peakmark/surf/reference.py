@@ -1,7 +1,7 @@
 """SURF as one would write it on paper: NumPy operators that follow the definition, without regard to speed.
 
-The kernels in `surf_hessian`, `surf_orientation` and `surf_descriptor` are held against these by tests. Single
-precision is used where OpenCV uses it, so that the numbers agree to the last bits.
+The kernels are held against these. Single precision is used where OpenCV uses it, so that the numbers agree to the last
+bits.
 """
 
 from collections.abc import Sequence
@@ -12,22 +12,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.patterns import DXY_WEIGHT
 from peakmark.surf.descriptor import CELL_SIGMA
-from peakmark.surf.layers import DXY_WEIGHT, Box, Layer, octave_layers, second_derivative_boxes
+from peakmark.surf.layers import Layer, octave_layers
 from peakmark.surf.orientation import circle_samples, gaussian
+from peakmark.surf.stages import LayerResponse
 from peakmark.surf.window import PATCH_SIDE
 
 Float32 = NDArray[np.float32]
 
 
-class LayerResponse(NamedTuple):
-    """Determinant and trace of the Hessian of one layer, on its grid; zero where the filter leaves the image."""
+class Box(NamedTuple):
+    """A half-open box inside the filter square, px, and what its mean is multiplied with."""
 
-    layer: Layer
-    det: Float32
-    """(H // step, W // step) Dxx Dyy − 0.81 Dxy², (grey levels)²."""
-    trace: Float32
-    """(H // step, W // step) Dxx + Dyy, grey levels; positive on dark blobs."""
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+    weight: int
+
+    @property
+    def area(self) -> int:
+        """Pixels in the box."""
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+
+def second_derivative_boxes(side: int) -> tuple[tuple[Box, ...], tuple[Box, ...], tuple[Box, ...]]:
+    """Boxes of Dxx, Dyy and Dxy for a filter square of this side, scaled from the square of side 9.
+
+    >>> [box.weight for box in second_derivative_boxes(9)[0]]
+    [1, -2, 1]
+    """
+    at = [round(side * ninths / 9) for ninths in range(10)]
+    dxx = tuple(Box(at[x], at[2], at[x + 3], at[7], weight) for x, weight in ((0, 1), (3, -2), (6, 1)))
+    dyy = tuple(Box(at[2], at[y], at[7], at[y + 3], weight) for y, weight in ((0, 1), (3, -2), (6, 1)))
+    corners = ((1, 1, 1), (5, 1, -1), (1, 5, -1), (5, 5, 1))
+    dxy = tuple(Box(at[x], at[y], at[x + 3], at[y + 3], weight) for x, y, weight in corners)
+    return dxx, dyy, dxy
+
+
+def integral_image(gray: NDArray[np.uint8]) -> NDArray[np.int32]:
+    sums = np.zeros((gray.shape[0] + 1, gray.shape[1] + 1), dtype=np.int32)
+    sums[1:, 1:] = gray.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
+    return sums
 
 
 def hessian_responses(integral: NDArray[np.int32], octaves: int = 4, layers: int = 3) -> list[LayerResponse]:
@@ -141,7 +168,7 @@ def _layer_maxima(below: LayerResponse, here: LayerResponse, above: LayerRespons
 
 
 def _refined(cube: Float32, here: LayerResponse, i: int, j: int) -> _Point | None:
-    """Maximum of the parabola through the 3×3×3 responses around grid place (i, j); None if it is too far away."""
+    """Maximum of the parabola through the 3×3×3 responses around grid position (i, j); None if it is too far away."""
     offset = newton_step(cube[:, i - 1 : i + 2, j - 1 : j + 2].astype(np.float64))
     if not offset.any() or np.abs(offset).max() > 1:
         return None
@@ -215,7 +242,7 @@ def descriptor(
     gray: NDArray[np.uint8], x: float, y: float, size: float, angle_deg: float, extended: bool = False
 ) -> NDArray[np.float64]:
     """Descriptor (64,) or (128,) of one key point."""
-    patch = averaged(turned_window(gray, x, y, int(PATCH_SIDE * size * 1.2 / 9), angle_deg), PATCH_SIDE)
+    patch = averaged(rotated_window(gray, x, y, int(PATCH_SIDE * size * 1.2 / 9), angle_deg), PATCH_SIDE)
     upper_left, upper_right = patch[:-1, :-1], patch[:-1, 1:]
     lower_left, lower_right = patch[1:, :-1], patch[1:, 1:]
     weights = np.outer(gaussian(PATCH_SIDE - 1, CELL_SIGMA), gaussian(PATCH_SIDE - 1, CELL_SIGMA))
@@ -235,7 +262,7 @@ def descriptor(
     return cells / length if length else cells
 
 
-def turned_window(gray: NDArray[np.uint8], x: float, y: float, side: int, angle_deg: float) -> NDArray[np.float64]:
+def rotated_window(gray: NDArray[np.uint8], x: float, y: float, side: int, angle_deg: float) -> NDArray[np.float64]:
     """Square window whose rows run along the angle, bilinear, rounded; the nearest pixel outside the image."""
     cosine, sine = np.cos(np.deg2rad(angle_deg)), -np.sin(np.deg2rad(angle_deg))
     down, right = np.mgrid[:side, :side] - (side - 1) / 2
