@@ -1,6 +1,5 @@
 """The commands behind the scripts of the floor and of the robot: arguments, progress, and what the terminal shows."""
 
-import itertools
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -72,18 +71,17 @@ def render_floor(
 
 def _render(console: Console, config: FloorConfig, out: Path) -> None:
     with progress_bar(console, _STAGES, config.frames + 1) as bar:
-        result = still_results.run(config, out, bar.advance)
-    title = f"{config.scene} · {result['renderer']} · seed {config.seed}"
+        result = still_results.run_floor(config, out, lambda done, of: bar.show(done + 1, of + 1))
+    title = f"{config.scene} · {result.renderer} · seed {config.seed}"
     print_table(console, title, FIGURES, still_results.result_rows(result))
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
-    steps = itertools.count(1)
     with progress_bar(console, _STAGES) as bar:
-        result = flight_results.run(config, out, is_resumed, lambda total: bar.show(next(steps), total + 1))
-    for remark in result["remarks"]:
+        result = flight_results.run_flight(config, out, is_resumed, lambda done, of: bar.show(done + 1, of + 1))
+    for remark in result.remarks:
         console.print(f"note: {remark}")
-    title = f"{config.trajectory} · {result['renderer']} · seed {config.seed}"
+    title = f"{config.trajectory} · {result.renderer} · seed {config.seed}"
     print_table(console, title, FIGURES_WITH_INTERVALS, flight_report.result_rows(result))
 
 
@@ -104,7 +102,7 @@ def evaluate_flights(
         raise InputError(f"expected --first 1…{len(FLIGHTS)} and --seed 0 or more, got {first} and {seed}")
     console = Console(quiet=quiet)
     chosen = [(ride, floor, own + seed) for ride, floor, own in FLIGHTS[:first]]
-    result = flights_results.run(out, frames, resume, chosen, console.print)
+    result = flights_results.run_flights(out, frames, resume, chosen, console.print)
     print_table(console, f"{first} flights", FIGURES_WITH_INTERVALS, flights_results.headline(result))
     print_path(console, out / "report.html")
 
@@ -136,7 +134,7 @@ def drive_floor(
         paths, length, spacing, line_ends, scene, texture, cast(Renderer, renderer), seed, frames_per_second=rate
     )
     with progress_bar(console, "drive", paths) as bar:
-        result = drive_results.run(config, out, resume, lambda done: bar.show(done, paths))
-    title = f"{scene} · {result['renderer']} · seed {seed}"
+        result = drive_results.run_drives(config, out, resume, bar.show)
+    title = f"{scene} · {result.renderer} · seed {seed}"
     print_table(console, title, FIGURES_WITH_INTERVALS, drive_results.result_rows(result))
     print_path(console, out / "report.html")

@@ -66,7 +66,7 @@ def test_quantiles_leave_out_what_is_not_known() -> None:
     assert found[99] is None
 
 
-def test_quantiles_of_nothing_are_none_and_make_rows_of_blanks() -> None:
+def test_quantiles_of_nothing_are_none_and_make_rows_of_empty_cells() -> None:
     found = quantiles([np.nan], (50, 99))
     assert found.to_plain() == {"p50": None, "p99": None, "of": 0}
     assert found.rows("error") == [("error: p50", None, None, None, 0), ("error: p99", None, None, None, 0)]

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
-from PIL import Image
 
 from peakmark.experiments.cave.walk import CaveConfig, View, marker_rows, open_cave, walk
 from peakmark.report import plots
-from peakmark.report.film import filmed
 from peakmark.report.overlay import box_around, draw_arrays
-from peakmark.report.page import Section, Table, jpeg_uri, svg_uri, write_report
+from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
+from peakmark.report.views import write_views
 from peakmark.score.markers import at_markers
 
 COUNTS = (
@@ -53,12 +52,13 @@ def run(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambd
         load_s = perf_counter() - start
         on_step()
         rows: list[dict[str, Any]] = []
-        film = folder / "walk.mp4" if config.frames > 1 else None
-        for view, picture in filmed(walk(setup, config), overlay, film):
+
+        def count(view: View) -> None:
             rows.append(view.row())
-            if view.index == 0:
-                first, figures = view, write_pictures(folder, view, picture)
             on_step()
+
+        film = "walk.mp4" if config.frames > 1 else None
+        first, figures = write_views(folder, walk(setup, config), overlay, figures_of, film, count)
         result = {**summary(rows), "config": asdict(config), "load_s": load_s, "peak_memory_mb": peak_memory_mb()}
         if config.frames > 1:
             write_rows(folder / "frames.csv", rows)
@@ -95,15 +95,9 @@ def overlay(view: View) -> NDArray[np.uint8]:
     return draw_arrays(view.frame.image, view.reading.found.detections, view.reading.arrays, missed)
 
 
-def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> dict[str, str]:
-    """Write frame.png, overlay.png, response_vs_vis.png and polarity.png; return them as data URIs."""
-    # photographs with noise hardly shrink, so the quickest compression serves
-    Image.fromarray(view.frame.image).save(folder / "frame.png", compress_level=1)
-    Image.fromarray(picture).save(folder / "overlay.png", compress_level=1)
-    figures = {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
-    for name, figure in figures.items():
-        plots.save(figure, folder / f"{name}.png")
-    return {"overlay": jpeg_uri(picture), **{name: svg_uri(figure) for name, figure in figures.items()}}
+def figures_of(view: View) -> dict[str, Any]:
+    """Return Figures 14 and 15."""
+    return {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
 
 
 def response_figure(view: View) -> Any:
