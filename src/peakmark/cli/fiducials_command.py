@@ -1,6 +1,7 @@
 """The command behind `scripts/compare_fiducials.py`: arguments, progress, table, figure, report."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,7 +10,7 @@ from rich.progress import Progress
 from typer import Option
 
 from peakmark.cli.terminal import print_table
-from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, compare, conditions
+from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, Comparison, compare_designs, conditions
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.results import result_folder, write_json
@@ -26,7 +27,7 @@ HEAD = ("condition", *DESIGNS)
 
 def compare_fiducials(
     out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/fiducials"),
-    trials: Annotated[int, Option(help="Pictures a condition and design.")] = 25,
+    trials: Annotated[int, Option(help="Images a condition and design.")] = 25,
     seed: Annotated[int, Option(help="Seed of walls, ids, cameras and noise.")] = 0,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
@@ -37,17 +38,17 @@ def compare_fiducials(
     console = Console(quiet=quiet)
     with Progress(console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task("render, detect, score", total=len(conditions()))
-        rows = compare(trials, seed, lambda: progress.update(task, advance=1))
+        rows = compare_designs(trials, seed, lambda: progress.update(task, advance=1))
     write_comparison(rows, trials, seed, out)
-    print_table(console, f"right ids (wrong ones) of {trials} pictures each · seed {seed}", HEAD, table_rows(rows))
+    print_table(console, f"right ids (wrong ones) of {trials} images each · seed {seed}", HEAD, table_rows(rows))
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
 
 
-def write_comparison(rows: list[dict[str, Any]], trials: int, seed: int, out: Path) -> None:
+def write_comparison(rows: Sequence[Comparison], trials: int, seed: int, out: Path) -> None:
     """Write rates.png, report.html and result.json."""
     figure = rates_figure(rows)
     lead = (
-        f"{trials} pictures a condition and design, seed {seed}. Right ids, and in brackets the number of wrong ones. "
+        f"{trials} images a condition and design, seed {seed}. Right ids, and in brackets the number of wrong ones. "
         "Unless varied: side 40 px, no tilt, noise 2, blur 0.6 px, nothing covered; any roll, exposure 0.7. "
         "The side is that of one marker or tag; an array takes 2.5 × 2.5 of them."
     )
@@ -55,28 +56,28 @@ def write_comparison(rows: list[dict[str, Any]], trials: int, seed: int, out: Pa
         Section("Detection rate", image=svg_uri(figure)),
         Section("Right ids (wrong ones)", table=Table(HEAD, table_rows(rows))),
         Section("Error of the centre, rms px", table=Table(HEAD, table_rows(rows, "error_px_rms"))),
-        Section("Seconds in a 384×288 px picture, median", table=Table(HEAD, table_rows(rows, "seconds"))),
+        Section("Seconds in a 384×288 px image, median", table=Table(HEAD, table_rows(rows, "seconds"))),
     ]
     with result_folder(out) as folder:
         plots.save(figure, folder / "rates.png")
         write_report(folder / "report.html", "Markers, arrays, ArUco and AprilTag", lead, sections)
-        write_json(folder / "result.json", {"trials": trials, "seed": seed, "rows": rows})
+        write_json(folder / "result.json", {"trials": trials, "seed": seed, "rows": [asdict(row) for row in rows]})
 
 
-def table_rows(rows: Sequence[dict[str, Any]], figure: str | None = None) -> list[tuple[Any, ...]]:
+def table_rows(rows: Sequence[Comparison], figure: str | None = None) -> list[tuple[Any, ...]]:
     """Return one row a condition, one column a design: right ids with the wrong ones in brackets, or a figure."""
-    cells = {(r["quantity"], r["value"], r["design"]): _counts(r) if figure is None else r[figure] for r in rows}
+    cells = {(r.quantity, r.value, r.design): _counts(r) if figure is None else getattr(r, figure) for r in rows}
     return [
         (f"{UNITS[quantity]}: {value:g}", *(cells[quantity, value, design] for design in DESIGNS))
         for quantity, value, _ in conditions()
     ]
 
 
-def _counts(row: dict[str, Any]) -> str:
-    return f"{row['right']}" + (f" ({row['wrong']})" if row["wrong"] else "")
+def _counts(row: Comparison) -> str:
+    return f"{row.right}" + (f" ({row.wrong})" if row.wrong else "")
 
 
-def rates_figure(rows: Sequence[dict[str, Any]]) -> Any:
+def rates_figure(rows: Sequence[Comparison]) -> Any:
     """Return the detection rates over each quantity, one panel each."""
     from matplotlib.figure import Figure
 
@@ -84,8 +85,8 @@ def rates_figure(rows: Sequence[dict[str, Any]]) -> Any:
     for k, quantity in enumerate(SWEEPS):
         ax = figure.add_subplot(2, 3, k + 1)
         for design, style in zip(DESIGNS, ("o-", "s-", "^--", "v--"), strict=True):
-            chosen = [row for row in rows if (row["quantity"], row["design"]) == (quantity, design)]
-            values, rates = [r["value"] for r in chosen], [r["right"] / r["trials"] for r in chosen]
+            chosen = [row for row in rows if (row.quantity, row.design) == (quantity, design)]
+            values, rates = [r.value for r in chosen], [r.right / r.trials for r in chosen]
             ax.plot(values, rates, style, markersize=4, linewidth=1.2, label=design)
         ax.set(xlabel=UNITS[quantity], ylim=(-0.03, 1.03), ylabel="share with the right id" if k % 3 == 0 else "")
         ax.grid(alpha=0.3)
