@@ -18,7 +18,8 @@ def test_a_tag_is_found_with_its_number_at_its_corners(dictionary: str, number: 
     image[60:140, 100:180] = pattern
     (tag,) = tag_detector(dictionary)(cv2.GaussianBlur(image, None, 0.6))
     assert tag.id == number
-    np.testing.assert_allclose(tag.corners_xy, np.array([[0, 0], [80, 0], [80, 80], [0, 80]]) + [99.5, 59.5], atol=0.2)
+    left, top, right, bottom = 99.5, 59.5, 179.5, 139.5
+    np.testing.assert_allclose(tag.corners_xy, [[left, top], [right, top], [right, bottom], [left, bottom]], atol=0.2)
     np.testing.assert_allclose(tag.center_xy, [139.5, 99.5], atol=0.05)
     assert tag.side_px == pytest.approx(80, abs=0.4)
 

@@ -10,10 +10,10 @@ from peaksim.geometry.pose import invert, transform
 from peakmark.cli.fiducials_command import rates_figure, table_rows
 from peakmark.errors import InputError
 from peakmark.experiments.cave.fiducials import (
+    CAMERA,
     DESIGNS,
     SIDE_M,
     SWEEPS,
-    CAMERA,
     Comparison,
     Design,
     SheetCondition,
