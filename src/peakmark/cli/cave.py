@@ -10,7 +10,7 @@ from typer import Option
 
 from peakmark.cli.terminal import print_table
 from peakmark.experiments.cave.walk import CaveConfig
-from peakmark.experiments.cave.walk_results import result_rows, run
+from peakmark.experiments.cave.walk_results import result_rows, run_cave
 
 
 def render_cave(
@@ -32,6 +32,6 @@ def render_cave(
     console = Console(quiet=quiet)
     with Progress(console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task("render, detect, decode, score", total=frames + 1)
-        result = run(config, out, lambda: progress.update(task, advance=1))
+        result = run_cave(config, out, lambda: progress.update(task, advance=1))
     print_table(console, f"{scene} · {renderer} · seed {seed}", ("figure", "value"), result_rows(result))
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)

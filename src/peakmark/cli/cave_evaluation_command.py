@@ -1,16 +1,17 @@
 """The command behind `scripts/evaluate_cave.py`: arguments, progress, tables, report."""
 
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, astuple
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 from rich.console import Console
 from rich.progress import Progress
 from typer import Option
 
 from peakmark.cli.terminal import print_table
-from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
-from peakmark.experiments.cave.evaluation_figures import figures, headline, recall_by
+from peakmark.experiments.cave.evaluation import EvaluationConfig, ViewRecord, evaluate
+from peakmark.experiments.cave.evaluation_figures import BINS, evaluation_figures, headline, plain_bin, recall_by
 from peakmark.experiments.cave.rooms import Split
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import result_folder, write_json
@@ -30,40 +31,40 @@ def evaluate_cave(
 ) -> None:
     """Read random views (0.5–4 m, tilt to 45°, any roll, noise, blur) of rooms never used for tuning, and score them.
 
-    Writes report.html and result.json, and one file a room into records/: started again with the same arguments, or
-    with more rooms, it goes on where it stopped.
+    Writes report.html and result.json, and keeps each finished room in journal.jsonl: started again with the same
+    arguments, or with more rooms, it resumes where it stopped.
     """
     config = EvaluationConfig(rooms, views, cast(Split, split), size, seed)
     console = Console(quiet=quiet)
     with Progress(console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task("render, read, score", total=rooms)
-        records = evaluate(config, out, workers, lambda: progress.update(task, advance=1))
-    result = write_evaluation(config, records, out)
-    print_table(console, f"{split} rooms · seed {seed}", HEAD, headline(result))
+        records = evaluate(config, out, workers, lambda done, of: progress.update(task, completed=done))
+    write_evaluation(config, records, out)
+    print_table(console, f"{split} rooms · seed {seed}", HEAD, headline(evaluation_figures(records)))
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
 
 
-def write_evaluation(config: EvaluationConfig, records: list[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """Write report.html and result.json, and return what the latter holds."""
-    by = {quantity: recall_by(records, quantity) for quantity in ("side_px", "tilt_deg")}
-    result = {**figures(records), "recall_by": by, "config": asdict(config)}
+def write_evaluation(config: EvaluationConfig, records: Sequence[ViewRecord], out: Path) -> None:
+    """Write report.html and result.json."""
+    by = {quantity: recall_by(records, quantity) for quantity in BINS}
+    figures = evaluation_figures(records)
     lead = (
-        f"{result['views']} random views of {config.rooms} {config.split} rooms, pictures at "
-        f"{config.size:g} of their cameras' width and height, seed {config.seed}. Asked for: "
+        f"{figures.views} random views of {config.rooms} {config.split} rooms, images at "
+        f"{config.size:g} of their cameras' width and height, seed {config.seed}. Wanted: "
         "markers and arrays wholly in view, 20 px or larger, tilted to 45°. Intervals: 95 %."
     )
-    sections = [Section("Figures", table=Table(HEAD, headline(result)))]
+    sections = [Section("Figures", table=Table(HEAD, headline(figures)))]
     sections += [
         Section(
             f"All markers fully in view, by {name}",
             table=Table(
                 ("from", "to", *HEAD[1:], "error p95 (px)"),
-                [(row["low"], row["high"], *row["recall"].values(), row["error_px_p95"]) for row in rows],
+                [(row.low, row.high, *astuple(row.recall), row.error_px[95]) for row in rows],
             ),
         )
         for name, rows in by.items()
     ]
+    plain_bins = {name: [plain_bin(row) for row in rows] for name, rows in by.items()}
     with result_folder(out) as folder:
         write_report(folder / "report.html", "SIFT/SURF CAVE: random views", lead, sections)
-        write_json(folder / "result.json", result)
-    return result
+        write_json(folder / "result.json", {**figures.to_plain(), "recall_by": plain_bins, "config": asdict(config)})
