@@ -1,5 +1,6 @@
 """The command behind `scripts/dense_wall.py`."""
 
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ from typer import Option
 
 from peakmark.cli.terminal import print_table
 from peakmark.errors import InputError
-from peakmark.experiments.cave.dense_wall import APART_DEG, DISTANCE_M, WALLS, measure
+from peakmark.experiments.cave.dense_wall import APART_DEG, DISTANCE_M, WALLS, count_features
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import result_folder, write_json
 
@@ -30,13 +31,13 @@ def dense_wall(
     if seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {seed}")
     setup = load_scene(scene)
-    rows = [measure(setup, name, has, threshold, seed) for name in WALLS for has in (True, False)]
-    cells = [(r["wall"], "yes" if r["posters"] else "no", *list(r.values())[2:]) for r in rows]
+    rows = [count_features(setup, name, has, threshold, seed) for name in WALLS for has in (True, False)]
+    cells = [(row.wall, "yes" if row.posters else "no", *astuple(row)[2:]) for row in rows]
     lead = f"SURF, threshold {threshold:g}; two views {APART_DEG:g}° apart, {DISTANCE_M:g} m away, seed {seed}."
+    sections = [Section("Walls", table=Table(HEAD, cells))]
+    plain = {"threshold": threshold, "seed": seed, "rows": [asdict(row) for row in rows]}
     with result_folder(out) as folder:
-        write_report(
-            folder / "report.html", "Feature points of dense walls", lead, [Section("Walls", table=Table(HEAD, cells))]
-        )
-        write_json(folder / "result.json", {"threshold": threshold, "seed": seed, "rows": rows})
-    print_table(Console(quiet=quiet), lead, HEAD, [(r[0], *r[1:]) for r in cells])
+        write_report(folder / "report.html", "Feature points of dense walls", lead, sections)
+        write_json(folder / "result.json", plain)
+    print_table(Console(quiet=quiet), lead, HEAD, cells)
     Console(quiet=quiet).print(f"Results: {out / 'report.html'}", soft_wrap=True)

@@ -75,14 +75,14 @@ def examine_both(gray: NDArray[np.uint8], features: Keypoints, classifier: Class
     return Both(features, columns, scores, candidates, verified(gray, features, columns, candidates))
 
 
-def features_of(gray: NDArray[np.uint8]) -> Keypoints:
+def features_of(gray: NDArray[np.uint8], layers: int = LAYERS) -> Keypoints:
     """Return the SURF features, strongest first, those of markers at the border included.
 
     SURF needs more room than a marker covers, so that the picture is continued beyond its border.
     """
     pad = round(_PAD_SHARE * max(gray.shape))
     padded = np.pad(gray, pad, mode="edge")
-    features = surf.detect_and_describe(padded, threshold=THRESHOLD, octaves=OCTAVES, layers=LAYERS)
+    features = surf.detect_and_describe(padded, threshold=THRESHOLD, octaves=OCTAVES, layers=layers)
     features = features.with_columns(xy=features.xy - np.float32(pad))
     inside = (features.xy > -0.5) & (features.xy < np.array(gray.shape[::-1]) - 0.5)
     return features[inside.all(axis=1)]

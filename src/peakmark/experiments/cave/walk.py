@@ -37,7 +37,7 @@ class CaveConfig:
     seed: int = 0
     """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
     frames: int = 1
-    """Frames along the trajectory; 1 looks from its first pose."""
+    """Frames along the trajectory; 1 takes its first pose."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from peaksim.geometry.pose import look_at
 from peaksim.geometry.trajectory import Trajectory
+from peaksim.image_file import read_image
 from peaksim.rendering import render
 from peaksim.scene.file import Setup, load_scene
 from PIL import Image
@@ -156,18 +157,16 @@ def test_a_wall_seen_from_behind_shows_nothing(small: Path) -> None:
     assert (view.markers.wanted, len(view.arrays.in_view), view.arrays.wrong) == (0, 0, 0)
 
 
-def test_a_file_that_is_no_picture_and_pictures_that_are_none_are_one_line(tmp_path: Path) -> None:
-    from peaksim.image_file import read_image
-
-    (tmp_path / "x.png").write_text("not a picture")
+def test_a_file_that_is_no_image_and_arrays_that_are_none_are_one_line(tmp_path: Path) -> None:
+    (tmp_path / "x.png").write_text("not an image")
     with pytest.raises(InputError, match=r"x\.png"):
         read_image(tmp_path / "x.png")
-    for picture in (np.zeros((0, 5), np.uint8), np.zeros((5, 5, 7), np.uint8), np.zeros(7, np.uint8)):
+    for image in (np.zeros((0, 5), np.uint8), np.zeros((5, 5, 7), np.uint8), np.zeros(7, np.uint8)):
         with pytest.raises(InputError):
-            decode_arrays(identify(picture, polarity="both"), image=picture)
+            decode_arrays(identify(image, polarity="both"), image=image)
 
 
-def test_a_picture_smaller_than_a_marker_holds_nothing() -> None:
+def test_an_image_smaller_than_a_marker_holds_nothing() -> None:
     assert identify(np.zeros((3, 3), np.uint8), polarity="both") == ()
 
 
