@@ -10,7 +10,7 @@ from rich.progress import Progress
 from typer import Option
 
 from peakmark.cli.terminal import print_table
-from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, Comparison, compare_designs, conditions
+from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, DesignComparison, compare_designs, conditions
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.results import result_folder, write_json
@@ -44,7 +44,7 @@ def compare_fiducials(
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
 
 
-def write_comparison(rows: Sequence[Comparison], trials: int, seed: int, out: Path) -> None:
+def write_comparison(rows: Sequence[DesignComparison], trials: int, seed: int, out: Path) -> None:
     """Write rates.png, report.html and result.json."""
     figure = rates_figure(rows)
     lead = (
@@ -64,7 +64,7 @@ def write_comparison(rows: Sequence[Comparison], trials: int, seed: int, out: Pa
         write_json(folder / "result.json", {"trials": trials, "seed": seed, "rows": [asdict(row) for row in rows]})
 
 
-def table_rows(rows: Sequence[Comparison], figure: str | None = None) -> list[tuple[Any, ...]]:
+def table_rows(rows: Sequence[DesignComparison], figure: str | None = None) -> list[tuple[Any, ...]]:
     """Return one row a condition, one column a design: right ids with the wrong ones in brackets, or a figure."""
     cells = {(r.quantity, r.value, r.design): _counts(r) if figure is None else getattr(r, figure) for r in rows}
     return [
@@ -73,11 +73,11 @@ def table_rows(rows: Sequence[Comparison], figure: str | None = None) -> list[tu
     ]
 
 
-def _counts(row: Comparison) -> str:
+def _counts(row: DesignComparison) -> str:
     return f"{row.right}" + (f" ({row.wrong})" if row.wrong else "")
 
 
-def rates_figure(rows: Sequence[Comparison]) -> Any:
+def rates_figure(rows: Sequence[DesignComparison]) -> Any:
     """Return the detection rates over each quantity, one panel each."""
     from matplotlib.figure import Figure
 

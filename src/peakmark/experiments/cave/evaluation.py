@@ -14,7 +14,7 @@ from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.samples import room_and_frames
-from peakmark.experiments.cave.walk import CaveView, FrameRecord, array_map, score_view
+from peakmark.experiments.cave.walk import CaveFrame, CaveView, array_map, score_view
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.localise.from_arrays import ArrayPose, Place, pose_from_arrays
@@ -98,7 +98,7 @@ class ViewRecord:
     """Number of the room."""
     camera: str
     """Its size, such as "1024×768"."""
-    frame: FrameRecord
+    frame: CaveFrame
     """The figures of the frame."""
     markers: tuple[MarkerResult, ...]
     """All visible markers."""

@@ -21,7 +21,7 @@ FAR_DEG = 5.0
 
 
 @dataclass(frozen=True)
-class PoseFigures:
+class ArrayPoseFigures:
     """The errors of all poses of one kind."""
 
     arrays: float | None
@@ -68,7 +68,7 @@ class EvaluationFigures:
     """Wanted arrays that the paper's rule read rightly."""
     wrong_codes_by_paper: int
     """Codes of the paper's rule that hang not there."""
-    pose: dict[PoseKind, PoseFigures]
+    pose: dict[PoseKind, ArrayPoseFigures]
     """By what the poses rest on."""
     time_s: dict[str, float]
     """Median seconds by stage."""
@@ -122,11 +122,11 @@ def _errors_px(markers: Sequence[MarkerResult]) -> list[float]:
     return [np.nan if marker.error_px is None else marker.error_px for marker in markers]
 
 
-def pose_figures(records: Sequence[ViewRecord], kind: PoseKind) -> PoseFigures:
+def pose_figures(records: Sequence[ViewRecord], kind: PoseKind) -> ArrayPoseFigures:
     """Return the errors of the poses of one kind, all of them and those without a rival."""
     poses = [pose for record in records for pose in record.poses if pose.kind == kind]
     certain = [pose for pose in poses if pose.is_certain]
-    return PoseFigures(
+    return ArrayPoseFigures(
         arrays=_mean([pose.arrays for pose in poses]),
         mm=quantiles([pose.mm for pose in poses], PERCENTS),
         deg=quantiles([pose.deg for pose in poses], PERCENTS),

@@ -86,7 +86,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class DesignComparison:
     """One design under one condition."""
 
     quantity: str
@@ -118,7 +118,7 @@ def conditions() -> list[tuple[str, float, SheetCondition]]:
     ]
 
 
-def compare_designs(trials: int, seed: int, on_condition: Callable[[], None] = lambda: None) -> list[Comparison]:
+def compare_designs(trials: int, seed: int, on_condition: Callable[[], None] = lambda: None) -> list[DesignComparison]:
     """Return one row a condition and design, with counts over the trials.
 
     Raises
@@ -140,9 +140,9 @@ def compare_designs(trials: int, seed: int, on_condition: Callable[[], None] = l
     return rows
 
 
-def _comparison(quantity: str, value: float, design: Design, answers: Sequence[Answer]) -> Comparison:
+def _comparison(quantity: str, value: float, design: Design, answers: Sequence[Answer]) -> DesignComparison:
     errors = [answer.error_px for answer in answers if answer.error_px is not None]
-    return Comparison(
+    return DesignComparison(
         quantity,
         value,
         design,

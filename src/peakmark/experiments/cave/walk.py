@@ -102,7 +102,7 @@ def total(counts: Sequence[Counts]) -> Counts:
 
 
 @dataclass(frozen=True)
-class FrameRecord:
+class CaveFrame:
     """The plain figures of one frame."""
 
     frame: int
@@ -165,9 +165,9 @@ class CaveView:
     render_s: float
     """Seconds for the image, with truth and sensor."""
 
-    def record(self) -> FrameRecord:
+    def record(self) -> CaveFrame:
         """Return the plain figures of this frame."""
-        return FrameRecord(
+        return CaveFrame(
             frame=self.index,
             time_on_path_s=self.frame.time_s,
             features=len(self.reading.found.features),

@@ -14,9 +14,9 @@ from PIL import Image
 from peakmark.experiments.cave.walk import (
     COUNTS,
     CaveConfig,
+    CaveFrame,
     CaveView,
     Counts,
-    FrameRecord,
     marker_rows,
     open_cave,
     render_walk,
@@ -86,7 +86,7 @@ def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = 
         setup = open_cave(config)
         load_s = perf_counter() - start
         on_step()
-        records: list[FrameRecord] = []
+        records: list[CaveFrame] = []
         film = folder / "walk.mp4" if config.frames > 1 else None
         for view, drawn in filmed(render_walk(setup, config), draw_view, film):
             records.append(view.record())
@@ -101,7 +101,7 @@ def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = 
     return result
 
 
-def summarise_frames(records: Sequence[FrameRecord], config: CaveConfig, load_s: float) -> CaveResult:
+def summarise_frames(records: Sequence[CaveFrame], config: CaveConfig, load_s: float) -> CaveResult:
     """Return a frame's figures, or over several the sums of counts and the median of each error."""
     first = records[0]
     return CaveResult(

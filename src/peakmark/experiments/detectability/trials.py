@@ -59,7 +59,7 @@ _NO_ERROR = np.full(2, np.nan)
 
 
 @dataclass(frozen=True)
-class Spread:
+class Percentiles:
     """The middle 90 % of a quantity; None where nothing was found."""
 
     median: float | None
@@ -96,11 +96,11 @@ class Summary:
     """Trials with the marker within `TOLERANCE_SIDES`."""
     unique: Rate
     """Trials with the marker as the strongest key point."""
-    response: Spread
+    response: Percentiles
     """Of the marker's key point, where detected."""
     response_ratio: float | None
     """Median response over that of the undistorted marker."""
-    size_per_side: Spread
+    size_per_side: Percentiles
     """Size of the key point over the marker's side, where detected."""
     error: Errors
     """From the marker's projected centre."""
@@ -142,9 +142,9 @@ class Row:
             **_rate_columns("detected", found.detected),
             **_rate_columns("detected_in_sides", found.detected_in_sides),
             **_rate_columns("unique", found.unique),
-            **_spread_columns("response", found.response),
+            **_percentile_columns("response", found.response),
             "response_ratio": found.response_ratio,
-            **_spread_columns("size_per_side", found.size_per_side),
+            **_percentile_columns("size_per_side", found.size_per_side),
             **asdict(found.error),
             **{f"blob_{name}": value for name, value in asdict(found.blob_error).items()},
             **{name: getattr(found, name) for name in ("failures", "not_finite", "outside", "first_failure")},
@@ -155,8 +155,8 @@ def _rate_columns(name: str, share: Rate) -> dict[str, float | None]:
     return {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
 
 
-def _spread_columns(name: str, spread: Spread) -> dict[str, float | None]:
-    return {name: spread.median, f"{name}_p5": spread.p5, f"{name}_p95": spread.p95}
+def _percentile_columns(name: str, found: Percentiles) -> dict[str, float | None]:
+    return {name: found.median, f"{name}_p5": found.p5, f"{name}_p95": found.p95}
 
 
 def score_image(view: MarkerImage, outcome: Outcome, reference: ReferenceResponse | None) -> Trial:
@@ -211,7 +211,7 @@ def summarise_trials(
 ) -> Summary:
     """Return the figures of one condition's trials through one detector."""
     detected = [trial for trial in trials if trial.detected]
-    response = _spread([trial.response for trial in detected])
+    response = _percentiles([trial.response for trial in detected])
     return Summary(
         trials=len(trials),
         detected=rate(len(detected), len(trials)),
@@ -219,7 +219,7 @@ def summarise_trials(
         unique=rate(sum(trial.unique for trial in trials), len(trials)),
         response=response,
         response_ratio=None if response.median is None or reference is None else response.median / reference.response,
-        size_per_side=_spread([trial.size_per_side for trial in detected]),
+        size_per_side=_percentiles([trial.size_per_side for trial in detected]),
         error=_errors([trial.error_px for trial in trials]),
         blob_error=_errors([trial.blob_error_px for trial in trials]),
         failures=sum(bool(outcome.failure) for outcome in outcomes),
@@ -229,11 +229,11 @@ def summarise_trials(
     )
 
 
-def _spread(values: Sequence[float]) -> Spread:
+def _percentiles(values: Sequence[float]) -> Percentiles:
     if not values:
-        return Spread(None, None, None)
+        return Percentiles(None, None, None)
     p5, median, p95 = (float(value) for value in np.percentile(values, [5, 50, 95]))
-    return Spread(median, p5, p95)
+    return Percentiles(median, p5, p95)
 
 
 def _errors(errors_px: Sequence[NDArray[np.float64]]) -> Errors:

@@ -19,7 +19,7 @@ from peakmark.experiments.cave.evaluation import (
     room_records,
 )
 from peakmark.experiments.cave.evaluation_figures import evaluation_figures, headline, plain_bin, recall_by
-from peakmark.experiments.cave.walk import COUNTS, Counts, FrameRecord
+from peakmark.experiments.cave.walk import COUNTS, CaveFrame, Counts
 from peakmark.score.markers import MarkerResult
 
 CONFIG = EvaluationConfig(rooms=1, views=2, split="training", seed=7)
@@ -38,7 +38,7 @@ def record(
     markers: list[MarkerResult], codes: tuple[int, ...] = (3,), wrong_codes: int = 0, **changes: Any
 ) -> ViewRecord:
     counts = {"false_detections": 1, "wrong_codes": wrong_codes, "wrong_codes_by_paper": 2}
-    frame = FrameRecord(
+    frame = CaveFrame(
         frame=0,
         time_on_path_s=0.0,
         features=100,

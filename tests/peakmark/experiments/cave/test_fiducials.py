@@ -14,8 +14,8 @@ from peakmark.experiments.cave.fiducials import (
     DESIGNS,
     SIDE_M,
     SWEEPS,
-    Comparison,
     Design,
+    DesignComparison,
     SheetCondition,
     answer_trial,
     compare_designs,
@@ -68,7 +68,7 @@ def test_sweeps_vary_one_quantity_and_rows_make_table_and_figure() -> None:
     for quantity, value, condition in conditions():
         assert condition == replace(SheetCondition(), **{quantity: value})
     counts = {"right": 3, "trials": 4, "wrong": 1, "error_px_rms": None, "error_px_p95": None, "seconds": 0.1}
-    rows = [Comparison(q, v, d, **counts) for q, v, _ in conditions() for d in DESIGNS]
+    rows = [DesignComparison(q, v, d, **counts) for q, v, _ in conditions() for d in DESIGNS]
     assert table_rows(rows)[0] == ("side of a marker or tag (px): 8", *["3 (1)"] * 4)
     assert table_rows(rows, "seconds")[0][1:] == (0.1,) * 4
     assert len(rates_figure(rows).axes) == len(SWEEPS)

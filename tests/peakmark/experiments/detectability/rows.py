@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from peakmark.experiments.detectability.trials import Errors, Row, Spread, Summary
+from peakmark.experiments.detectability.trials import Errors, Percentiles, Row, Summary
 from peakmark.score.statistics import rate
 
 
@@ -13,8 +13,8 @@ def row(experiment: str, marker: str, detector: str, x: float, hits: int = 100, 
     Besides fields of `Row` and `Summary` these are a response's median, and fields of the errors from the centre.
     """
     is_found = hits > 0
-    response = Spread(10.0, 9.0, 11.0) if is_found else Spread(None, None, None)
-    size = Spread(1.0, 1.0, 1.0) if is_found else Spread(None, None, None)
+    response = Percentiles(10.0, 9.0, 11.0) if is_found else Percentiles(None, None, None)
+    size = Percentiles(1.0, 1.0, 1.0) if is_found else Percentiles(None, None, None)
     error = Errors(0.1, 0.1, 0.1, 0.1) if is_found else Errors(None, None, None, None)
     if "response" in figures:
         response = replace(response, median=figures.pop("response"))
