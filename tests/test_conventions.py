@@ -13,7 +13,7 @@ from peaksim.rendering import Renderer
 from peaksim.scene.file import load_scene
 
 from peakmark import surf
-from peakmark.experiments.floor.still import FloorConfig, look
+from peakmark.experiments.floor.still import FloorConfig, render_view
 from peakmark.markers.array_code import THREE_BIT, polarities_of
 from tests.helpers import marker_view, needs_gl
 from tests.places import ROOT
@@ -118,10 +118,10 @@ def test_11_a_frames_noise_depends_on_the_seed_and_its_index_alone() -> None:
     setup = load_scene("floor")
     small = setup.__class__(setup.scene, CAMERA, setup.trajectory, setup.sensor)
     config = FloorConfig(renderer="exact", seed=7)
-    later = look(small, config, 3, 1.0).frame.image
-    look(small, config, 1, 0.5)
-    assert np.array_equal(look(small, config, 3, 1.0).frame.image, later)
-    assert not np.array_equal(look(small, config, 4, 1.0).frame.image, later)
+    later = render_view(small, config, 3, 1.0).frame.image
+    render_view(small, config, 1, 0.5)
+    assert np.array_equal(render_view(small, config, 3, 1.0).frame.image, later)
+    assert not np.array_equal(render_view(small, config, 4, 1.0).frame.image, later)
 
 
 def test_12_a_dark_marker_has_laplacian_plus_one() -> None:

@@ -25,7 +25,7 @@ SIM_FLOORS = (
 FLOORS = (
     *SIM_FLOORS,
     ("peakmark.errors",),
-    ("peakmark.parallel",),
+    ("peakmark.parallel", "peakmark.plain"),
     ("peakmark.keypoints", "peakmark.markers"),
     ("peakmark.surf", "peakmark.refine"),
     ("peakmark.detectors", "peakmark.identification"),

@@ -1,7 +1,7 @@
 """The command behind `scripts/evaluate_cave.py`: arguments, progress, tables, report."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, astuple
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -11,8 +11,9 @@ from typer import Option
 
 from peakmark.cli.terminal import print_table
 from peakmark.experiments.cave.evaluation import EvaluationConfig, ViewRecord, evaluate
-from peakmark.experiments.cave.evaluation_figures import BINS, evaluation_figures, headline, plain_bin, recall_by
+from peakmark.experiments.cave.evaluation_figures import BINS, bin_row, evaluation_figures, headline, recall_by
 from peakmark.experiments.cave.rooms import Split
+from peakmark.plain import plain_fields
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import result_folder, write_json
 
@@ -64,7 +65,7 @@ def write_evaluation(config: EvaluationConfig, records: Sequence[ViewRecord], ou
         )
         for name, rows in by.items()
     ]
-    plain_bins = {name: [plain_bin(row) for row in rows] for name, rows in by.items()}
+    bins = {name: [bin_row(row) for row in rows] for name, rows in by.items()}
     with result_folder(out) as folder:
         write_report(folder / "report.html", "SIFT/SURF CAVE: random views", lead, sections)
-        write_json(folder / "result.json", {**figures.to_plain(), "recall_by": plain_bins, "config": asdict(config)})
+        write_json(folder / "result.json", {**plain_fields(figures), "recall_by": bins, "config": config})

@@ -1,6 +1,6 @@
 """The command behind `scripts/dense_wall.py`."""
 
-from dataclasses import asdict, astuple
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated
 
@@ -35,9 +35,8 @@ def dense_wall(
     cells = [(row.wall, "yes" if row.posters else "no", *astuple(row)[2:]) for row in rows]
     lead = f"SURF, threshold {threshold:g}; two views {APART_DEG:g}° apart, {DISTANCE_M:g} m away, seed {seed}."
     sections = [Section("Walls", table=Table(HEAD, cells))]
-    plain = {"threshold": threshold, "seed": seed, "rows": [asdict(row) for row in rows]}
     with result_folder(out) as folder:
         write_report(folder / "report.html", "Feature points of dense walls", lead, sections)
-        write_json(folder / "result.json", plain)
+        write_json(folder / "result.json", {"threshold": threshold, "seed": seed, "rows": rows})
     print_table(Console(quiet=quiet), lead, HEAD, cells)
     Console(quiet=quiet).print(f"Results: {out / 'report.html'}", soft_wrap=True)

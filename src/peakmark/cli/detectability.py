@@ -99,9 +99,9 @@ def write_results(out: Path, config: DetectabilityConfig, rows: Sequence[Row]) -
 def as_csv(rows: Sequence[Row]) -> str:
     """Return the rows as CSV text; None is empty."""
     text = StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0].to_plain()), lineterminator="\n")
+    writer = csv.DictWriter(text, fieldnames=list(rows[0].columns()), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(row.to_plain() for row in rows)
+    writer.writerows(row.columns() for row in rows)
     return text.getvalue()
 
 
@@ -110,5 +110,4 @@ def fault_rows(rows: Sequence[Row]) -> Table:
     head = ("detector", "experiment", "x", "raised", "not finite", "outside", "first exception")
     names = ("detector", "experiment", "x", "failures", "not_finite", "outside", "first_failure")
     faulty = [row for row in rows if row.found.failures or row.found.not_finite or row.found.outside]
-    plain = [row.to_plain() for row in faulty]
-    return Table(head, [[row[name] for name in names] for row in plain])
+    return Table(head, [[row.columns()[name] for name in names] for row in faulty])

@@ -10,7 +10,7 @@ from typer import Option
 
 from peakmark.cli.terminal import print_table
 from peakmark.experiments.robot.drive import DriveConfig
-from peakmark.experiments.robot.drive_results import result_rows, run
+from peakmark.experiments.robot.drive_results import result_rows, run_drives
 
 
 def drive_floor(
@@ -41,7 +41,7 @@ def drive_floor(
     )
     with Progress(console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task("drive", total=paths)
-        result = run(config, out, resume, lambda done: progress.update(task, completed=done))
-    title = f"{scene} · {result['renderer']} · seed {seed}"
+        result = run_drives(config, out, resume, lambda done, of: progress.update(task, completed=done))
+    title = f"{scene} · {result.renderer} · seed {seed}"
     print_table(console, title, ("figure", "value", "low", "high", "of"), result_rows(result))
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)

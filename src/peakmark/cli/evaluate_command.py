@@ -9,7 +9,7 @@ from typer import Option
 from peakmark.cli.terminal import print_table
 from peakmark.errors import InputError
 from peakmark.experiments.floor.flights import FLIGHTS
-from peakmark.experiments.floor.flights_results import headline, run
+from peakmark.experiments.floor.flights_results import headline, run_flights
 
 
 def evaluate_flights(
@@ -29,6 +29,6 @@ def evaluate_flights(
         raise InputError(f"expected --first 1…{len(FLIGHTS)} and --seed 0 or more, got {first} and {seed}")
     console = Console(quiet=quiet)
     chosen = [(ride, floor, own + seed) for ride, floor, own in FLIGHTS[:first]]
-    result = run(out, frames, resume, chosen, console.print)
+    result = run_flights(out, frames, resume, chosen, console.print)
     print_table(console, f"{first} flights", ("figure", "value", "low", "high", "of"), headline(result))
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)

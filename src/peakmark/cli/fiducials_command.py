@@ -1,7 +1,6 @@
 """The command behind `scripts/compare_fiducials.py`: arguments, progress, table, figure, report."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -61,7 +60,7 @@ def write_comparison(rows: Sequence[DesignComparison], trials: int, seed: int, o
     with result_folder(out) as folder:
         plots.save(figure, folder / "rates.png")
         write_report(folder / "report.html", "Markers, arrays, ArUco and AprilTag", lead, sections)
-        write_json(folder / "result.json", {"trials": trials, "seed": seed, "rows": [asdict(row) for row in rows]})
+        write_json(folder / "result.json", {"trials": trials, "seed": seed, "rows": rows})
 
 
 def table_rows(rows: Sequence[DesignComparison], figure: str | None = None) -> list[tuple[Any, ...]]:

@@ -75,11 +75,11 @@ def _render(console: Console, config: FloorConfig, out: Path) -> None:
     with Progress(console=console, transient=True, disable=console.quiet) as progress:
         task = progress.add_task("load scene", total=config.frames + 1)
 
-        def on_step() -> None:
-            progress.update(task, advance=1, description="render, detect, identify, score")
+        def on_step(done: int, of: int) -> None:
+            progress.update(task, completed=done + 1, total=of + 1, description="render, detect, identify, score")
 
-        result = still_results.run(config, out, on_step)
-    title = f"{config.scene} · {result['renderer']} · seed {config.seed}"
+        result = still_results.run_floor(config, out, on_step)
+    title = f"{config.scene} · {result.renderer} · seed {config.seed}"
     print_table(console, title, ("figure", "value"), still_results.result_rows(result))
 
 
@@ -87,11 +87,11 @@ def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) ->
     with Progress(console=console, transient=True, disable=console.quiet) as progress:
         task = progress.add_task("load scene", total=None)
 
-        def on_step(total: int) -> None:
-            progress.update(task, advance=1, total=total + 1, description="render, detect, identify, score")
+        def on_step(done: int, of: int) -> None:
+            progress.update(task, completed=done + 1, total=of + 1, description="render, detect, identify, score")
 
-        result = flight_results.run(config, out, is_resumed, on_step)
-    for remark in result["remarks"]:
+        result = flight_results.run_flight(config, out, is_resumed, on_step)
+    for remark in result.remarks:
         console.print(f"note: {remark}")
-    title = f"{config.trajectory} · {result['renderer']} · seed {config.seed}"
+    title = f"{config.trajectory} · {result.renderer} · seed {config.seed}"
     print_table(console, title, ("figure", "value", "low", "high", "of"), flight_report.result_rows(result))

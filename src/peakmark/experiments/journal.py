@@ -92,8 +92,12 @@ class Journal:
     def remove(self) -> None:
         """Delete what was kept: the results hold it now, or it is not wanted."""
         self.path.unlink(missing_ok=True)
-        shutil.rmtree(self.path.with_suffix(""), ignore_errors=True)
+        self.remove_files()
         self.records.clear()
+
+    def remove_files(self) -> None:
+        """Delete the files that belong to items; their records stay."""
+        shutil.rmtree(self.path.with_suffix(""), ignore_errors=True)
 
 
 def _entry(line: str) -> dict[str, Any]:

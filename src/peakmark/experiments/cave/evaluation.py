@@ -8,7 +8,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from peaksim.geometry.pose import Pose
-from pydantic import TypeAdapter
 
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
@@ -18,8 +17,9 @@ from peakmark.experiments.cave.walk import CaveFrame, CaveView, array_map, score
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.localise.from_arrays import ArrayPose, Place, pose_from_arrays
+from peakmark.plain import from_plain, to_plain
 from peakmark.score.arrays import PrintedArray, printed_arrays
-from peakmark.score.markers import MarkerResult
+from peakmark.score.markers import MarkerScore
 from peakmark.score.poses import pose_error
 from peakmark.score.wanted import STEEPEST_DEG
 
@@ -100,15 +100,12 @@ class ViewRecord:
     """Its size, such as "1024×768"."""
     frame: CaveFrame
     """The figures of the frame."""
-    markers: tuple[MarkerResult, ...]
+    markers: tuple[MarkerScore, ...]
     """All visible markers."""
     arrays: tuple[ArrayRecord, ...]
     """The arrays that must be read."""
     poses: tuple[PoseRecord, ...]
     """From each array alone, from several, from walls."""
-
-
-_ROOM = TypeAdapter(tuple[ViewRecord, ...])
 
 
 def evaluate(
@@ -126,11 +123,11 @@ def evaluate(
     journal = Journal.open(out, {name: value for name, value in asdict(config).items() if name != "rooms"})
     names = [f"room{room:05d}" for room in range(config.rooms)]
     rooms = run_items(journal, names, partial(_plain_records, config), workers, on_room)
-    return [record for plain in rooms for record in _ROOM.validate_python(plain)]
+    return [from_plain(ViewRecord, record) for records in rooms for record in records]
 
 
-def _plain_records(config: EvaluationConfig, room: int) -> list[dict[str, Any]]:
-    return [asdict(record) for record in room_records(config, room)]
+def _plain_records(config: EvaluationConfig, room: int) -> Any:
+    return to_plain(room_records(config, room))
 
 
 def room_records(config: EvaluationConfig, room: int) -> list[ViewRecord]:

@@ -1,13 +1,13 @@
 """The figures of an evaluation, with 95 % intervals."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
 
 from peakmark.experiments.cave.evaluation import PoseKind, ViewRecord
-from peakmark.score.markers import MarkerResult
+from peakmark.score.markers import MarkerScore
 from peakmark.score.statistics import Bin, Quantiles, Rate, quantiles, rate
 from peakmark.score.statistics import recall_by as recall_by_bins
 
@@ -73,20 +73,6 @@ class EvaluationFigures:
     time_s: dict[str, float]
     """Median seconds by stage."""
 
-    def to_plain(self) -> dict[str, Any]:
-        """Return plain values for result.json."""
-        plain = _plain(self)
-        assert isinstance(plain, dict)
-        return plain
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Quantiles):
-        return value.to_plain()
-    if is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    return {name: _plain(part) for name, part in value.items()} if isinstance(value, dict) else value
-
 
 def evaluation_figures(records: Sequence[ViewRecord]) -> EvaluationFigures:
     """Return all figures of an evaluation's records."""
@@ -118,7 +104,7 @@ def _mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if values else None
 
 
-def _errors_px(markers: Sequence[MarkerResult]) -> list[float]:
+def _errors_px(markers: Sequence[MarkerScore]) -> list[float]:
     return [np.nan if marker.error_px is None else marker.error_px for marker in markers]
 
 
@@ -144,9 +130,9 @@ def recall_by(records: Sequence[ViewRecord], quantity: str) -> list[Bin]:
     return recall_by_bins(BINS[quantity], values, _errors_px(markers), PERCENTS)
 
 
-def plain_bin(row: Bin) -> dict[str, Any]:
+def bin_row(row: Bin) -> dict[str, Any]:
     """Return a bin as result.json has it."""
-    return {"low": row.low, "high": row.high, "recall": asdict(row.recall), "error_px_p95": row.error_px[95]}
+    return {"low": row.low, "high": row.high, "recall": row.recall, "error_px_p95": row.error_px[95]}
 
 
 def headline(figures: EvaluationFigures) -> list[tuple[Any, ...]]:

@@ -1,7 +1,7 @@
 """Trains and evaluates the classifiers, and writes classifier.json, roc.png, samples, report.html and result.json."""
 
 from collections.abc import Callable
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +101,7 @@ def run_training(
             Section("ROC on held-out rooms", image=svg_uri(figure)),
         ]
         write_report(folder / "report.html", "Key points → markers", _lead(result), sections)
-        write_json(folder / "result.json", asdict(result))
+        write_json(folder / "result.json", result)
     return result
 
 

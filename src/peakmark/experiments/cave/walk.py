@@ -1,9 +1,8 @@
 """The SIFT/SURF CAVE (paper, Section 4.2, Figures 13–15): 3-bit arrays on the walls of a room, read and scored."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +102,7 @@ def total(counts: Sequence[Counts]) -> Counts:
 
 @dataclass(frozen=True)
 class CaveFrame:
-    """The plain figures of one frame."""
+    """The plain figures of one frame; a row of frames.csv, the counts inlined."""
 
     frame: int
     """Number from 0."""
@@ -129,19 +128,6 @@ class CaveFrame:
     """See `Score`."""
     time_s: dict[str, float]
     """Seconds by stage, "render" among them."""
-
-    def to_plain(self) -> dict[str, Any]:
-        """Return the columns of frames.csv."""
-        return unfolded(asdict(self))
-
-
-def unfolded(plain: dict[str, Any]) -> dict[str, Any]:
-    """Return a record's plain values with its counts among them, as the results have them."""
-    return {
-        key: value
-        for name, part in plain.items()
-        for key, value in (part.items() if name == "counts" else [(name, part)])
-    }
 
 
 @dataclass(frozen=True)

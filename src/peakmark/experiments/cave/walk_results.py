@@ -1,7 +1,7 @@
 """Writes what the CAVE experiment found: images, film, tables, report.html and result.json."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
-from PIL import Image
 
 from peakmark.experiments.cave.walk import (
     COUNTS,
@@ -21,14 +20,14 @@ from peakmark.experiments.cave.walk import (
     open_cave,
     render_walk,
     total,
-    unfolded,
 )
 from peakmark.identification.detection import Detection
+from peakmark.plain import inlined
 from peakmark.report import plots
-from peakmark.report.film import filmed
 from peakmark.report.overlay_arrays import box_around, draw_arrays
-from peakmark.report.page import Section, Table, jpeg_uri, svg_uri, write_report
+from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
+from peakmark.report.views import write_views
 from peakmark.score.markers import at_markers
 
 _MOST_CUT_OUTS = 8
@@ -37,7 +36,7 @@ _MOST_CUT_OUTS = 8
 
 @dataclass(frozen=True)
 class CaveResult:
-    """What `result.json` holds: a frame's figures, or over several the sums of counts and medians."""
+    """What `result.json` holds, the counts inlined: a frame's figures, or sums of counts and medians over several."""
 
     counts: Counts
     """Sums over the frames."""
@@ -66,10 +65,6 @@ class CaveResult:
     peak_memory_mb: float
     """Of this process."""
 
-    def to_plain(self) -> dict[str, Any]:
-        """Return the content of `result.json`."""
-        return unfolded(asdict(self))
-
 
 def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> CaveResult:
     """Render, read and score the frames, write everything into `out`, and return what `result.json` holds.
@@ -87,17 +82,18 @@ def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = 
         load_s = perf_counter() - start
         on_step()
         records: list[CaveFrame] = []
-        film = folder / "walk.mp4" if config.frames > 1 else None
-        for view, drawn in filmed(render_walk(setup, config), draw_view, film):
+
+        def keep(view: CaveView) -> None:
             records.append(view.record())
-            if view.index == 0:
-                first, figures = view, write_images(folder, view, drawn)
             on_step()
+
+        film = "walk.mp4" if config.frames > 1 else None
+        first, figures = write_views(folder, render_walk(setup, config), draw_view, figures_of, film, keep)
         result = summarise_frames(records, config, load_s)
         if config.frames > 1:
-            write_rows(folder / "frames.csv", [record.to_plain() for record in records])
+            write_rows(folder / "frames.csv", [inlined(record, "counts") for record in records])
         _write_report(folder, first, result, figures)
-        write_json(folder / "result.json", result.to_plain())
+        write_json(folder / "result.json", inlined(result, "counts"))
     return result
 
 
@@ -133,15 +129,9 @@ def draw_view(view: CaveView) -> NDArray[np.uint8]:
     return draw_arrays(view.frame.image, view.reading.found.detections, view.reading.arrays, missed)
 
 
-def write_images(folder: Path, view: CaveView, drawn: NDArray[np.uint8]) -> dict[str, str]:
-    """Write frame.png, overlay.png, response_vs_vis.png and polarity.png; return them as data URIs."""
-    # photographs with noise hardly shrink, so the quickest compression serves
-    Image.fromarray(view.frame.image).save(folder / "frame.png", compress_level=1)
-    Image.fromarray(drawn).save(folder / "overlay.png", compress_level=1)
-    figures = {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
-    for name, figure in figures.items():
-        plots.save(figure, folder / f"{name}.png")
-    return {"overlay": jpeg_uri(drawn), **{name: svg_uri(figure) for name, figure in figures.items()}}
+def figures_of(view: CaveView) -> dict[str, Any]:
+    """Return Figures 14 and 15."""
+    return {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
 
 
 def response_figure(view: CaveView) -> Any:

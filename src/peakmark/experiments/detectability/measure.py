@@ -2,14 +2,12 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import cache, lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from peakmark.detectors.outcome import Outcome, run_detector
 from peakmark.detectors.registry import Detector, find_detector
@@ -26,14 +24,13 @@ from peakmark.experiments.detectability.trials import (
 )
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
+from peakmark.plain import from_plain, to_plain
 
 _REFERENCE_TRIALS = 25
 """Undistorted images whose medians are the reference."""
 
 _KEPT_DRAWINGS = 128
 """Drawings that a process keeps: the default 100 trials of one scenery, 1 MB each."""
-
-_ROWS = TypeAdapter(tuple[Row, ...])
 
 
 def measure_point(point: Point, trials: int, seed: int) -> list[Row]:
@@ -115,13 +112,13 @@ def measure_points(
     return _rows(config, journal)
 
 
-def _measured(ordered: Sequence[Point], trials: int, seed: int, index: int) -> list[dict[str, Any]]:
-    return [asdict(row) for row in measure_point(ordered[index], trials, seed)]
+def _measured(ordered: Sequence[Point], trials: int, seed: int, index: int) -> Any:
+    return to_plain(measure_point(ordered[index], trials, seed))
 
 
 def _rows(config: DetectabilityConfig, journal: Journal) -> list[Row]:
     plain = (journal.records.get(point.name, ()) for point in points(config))
-    return [row for rows in plain for row in _ROWS.validate_python(rows)]
+    return [from_plain(Row, row) for rows in plain for row in rows]
 
 
 def grouped_by_drawing(listed: Sequence[Point]) -> list[Point]:

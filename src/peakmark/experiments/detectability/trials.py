@@ -133,7 +133,7 @@ class Row:
     found: Summary
     """Its trials."""
 
-    def to_plain(self) -> dict[str, str | float | None]:
+    def columns(self) -> dict[str, str | float | None]:
         """Return the columns of rows.csv."""
         found = self.found
         return {

@@ -18,16 +18,17 @@ from peakmark.experiments.cave.evaluation import (
     evaluate,
     room_records,
 )
-from peakmark.experiments.cave.evaluation_figures import evaluation_figures, headline, plain_bin, recall_by
+from peakmark.experiments.cave.evaluation_figures import bin_row, evaluation_figures, headline, recall_by
 from peakmark.experiments.cave.walk import COUNTS, CaveFrame, Counts
-from peakmark.score.markers import MarkerResult
+from peakmark.plain import to_plain
+from peakmark.score.markers import MarkerScore
 
 CONFIG = EvaluationConfig(rooms=1, views=2, split="training", seed=7)
 TINY = EvaluationConfig(rooms=2, views=1, split="training", size=0.4, seed=0)
 
 
-def marker(side: float = 30.0, **changes: Any) -> MarkerResult:
-    found = MarkerResult("m", side, 10.0, 1.0, True, True, True, 0.1, True, True)
+def marker(side: float = 30.0, **changes: Any) -> MarkerScore:
+    found = MarkerScore("m", side, 10.0, 1.0, True, True, True, 0.1, True, True)
     return replace(found, **changes)
 
 
@@ -35,7 +36,7 @@ MISSED = {"is_found": False, "error_px": None, "is_polarity_right": None, "is_si
 
 
 def record(
-    markers: list[MarkerResult], codes: tuple[int, ...] = (3,), wrong_codes: int = 0, **changes: Any
+    markers: list[MarkerScore], codes: tuple[int, ...] = (3,), wrong_codes: int = 0, **changes: Any
 ) -> ViewRecord:
     counts = {"false_detections": 1, "wrong_codes": wrong_codes, "wrong_codes_by_paper": 2}
     frame = CaveFrame(
@@ -87,7 +88,7 @@ def test_poses_by_kind_and_flips() -> None:
     assert result["one"].flips.value == 0.5
     assert (result["one"].flips_among_certain.value, result["one"].flips_among_certain.of) == (0, 1)
     assert (result["one"].farther_than_5_deg, result["several"].farther_than_5_deg) == (1, 0)
-    assert figures.to_plain()["pose"]["wall"]["mm"] == {"p50": None, "p95": None, "p99": None, "of": 0}
+    assert to_plain(figures)["pose"]["wall"]["mm"] == {"p50": None, "p95": None, "p99": None, "of": 0}
 
 
 def test_every_figure_has_a_row_even_without_values() -> None:
@@ -101,8 +102,8 @@ def test_bins_hold_each_marker_once() -> None:
     markers = [marker(side) for side in (8, 12, 15.9, 16, 24, 200)]
     rows = recall_by([record([*markers, marker(20, **MISSED), marker(20, is_in_view=False)])], "side_px")
     assert [(row.low, row.recall.of) for row in rows] == [(0, 1), (12, 2), (16, 1), (20, 2), (70, 1)]
-    (twenty,) = [plain_bin(row) for row in rows if row.low == 20]
-    assert twenty["recall"]["value"] == 0.5
+    (twenty,) = [bin_row(row) for row in rows if row.low == 20]
+    assert twenty["recall"].value == 0.5
     assert (twenty["high"], twenty["error_px_p95"]) == (25, 0.1)
 
 

@@ -21,6 +21,7 @@ from peakmark import decode_arrays, identify
 from peakmark.errors import InputError
 from peakmark.experiments.cave.walk import CaveConfig, array_map, marker_rows, open_cave, render_view, render_walk
 from peakmark.experiments.cave.walk_results import polarity_figure, run_cave
+from peakmark.plain import inlined
 from peakmark.score.arrays import printed_arrays
 from tests.peakmark.experiments.cave.cave_scene import SMALL_CAVE
 from tests.places import ROOT
@@ -53,13 +54,13 @@ def seen_from(setup: Setup, eye: list[float], target: list[float]) -> Setup:
 def test_the_papers_claim_in_the_shipped_room() -> None:
     config = CaveConfig()
     view = render_view(open_cave(config), config, 0, 0.0)
-    row = view.record().to_plain()
+    row = inlined(view.record(), "counts")
     assert (row["markers_in_view"], row["markers_found"], row["arrays_in_view"], row["arrays_decoded"]) == (6, 6, 2, 2)
     assert (row["polarity_errors"], row["polarity_errors_by_signature"]) == (0, 0)
     assert (row["wrong_codes"], row["unsure"]) == (0, 0)
     assert row["arrays_decoded_by_paper"] == 2
-    assert row["codes"] == (3, 5)
-    assert row["missed"] == ()
+    assert row["codes"] == [3, 5]
+    assert row["missed"] == []
     # the six markers are the six strongest: all that is stronger than the last of them lies at one of their centres
     assert view.markers.false_above_last_marker == 0
     assert row["response_drop"] > 1.5
@@ -75,7 +76,7 @@ def test_the_papers_claim_in_the_shipped_room() -> None:
 
 def test_every_promised_file_and_figure_is_there(small: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    result = run_cave(CaveConfig(str(small)), out).to_plain()
+    result = inlined(run_cave(CaveConfig(str(small)), out), "counts")
     assert {p.name for p in out.iterdir()} == FILES
     assert json.loads((out / "result.json").read_text()) == json.loads(json.dumps(result))
     assert set(result) >= KEYS
@@ -93,7 +94,7 @@ def test_every_promised_file_and_figure_is_there(small: Path, tmp_path: Path) ->
 
 
 def test_a_walk_scores_every_frame_and_makes_a_film(small: Path, tmp_path: Path) -> None:
-    result = run_cave(CaveConfig(str(small), frames=3), tmp_path / "o").to_plain()
+    result = inlined(run_cave(CaveConfig(str(small), frames=3), tmp_path / "o"), "counts")
     with (tmp_path / "o" / "frames.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["frame"] for row in rows] == ["0", "1", "2"]
