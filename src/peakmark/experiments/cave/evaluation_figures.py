@@ -8,6 +8,7 @@ import numpy as np
 
 from peakmark.experiments.cave.evaluation import PoseKind, ViewRecord
 from peakmark.score.markers import MarkerScore
+from peakmark.score.poses import WRONG_DEG
 from peakmark.score.statistics import Bin, Quantiles, Rate, quantiles, rate
 from peakmark.score.statistics import recall_by as recall_by_bins
 
@@ -15,9 +16,6 @@ PERCENTS = (50, 95, 99)
 
 BINS = {"side_px": (0, 12, 16, 20, 25, 32, 45, 70, 1000), "tilt_deg": (0, 15, 30, 45, 55, 65, 90)}
 """Edges of the bins by which recall is broken down."""
-
-FAR_DEG = 5.0
-"""A pose whose rotation is farther from the truth is counted as wrong."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class ArrayPoseFigures:
     flips_among_certain: Rate
     """Mirrored poses among those without a rival."""
     farther_than_5_deg: int
-    """Poses beyond `FAR_DEG`."""
+    """Poses whose rotation is so far from the truth, `WRONG_DEG`."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ def pose_figures(records: Sequence[ViewRecord], kind: PoseKind) -> ArrayPoseFigu
         flips=rate(sum(pose.is_flipped for pose in poses), len(poses)),
         certain=rate(len(certain), len(poses)),
         flips_among_certain=rate(sum(pose.is_flipped for pose in certain), len(certain)),
-        farther_than_5_deg=sum(pose.deg > FAR_DEG for pose in poses),
+        farther_than_5_deg=sum(pose.deg > WRONG_DEG for pose in poses),
     )
 
 

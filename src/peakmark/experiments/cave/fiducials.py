@@ -41,6 +41,8 @@ CAMERA = replace(camera_named("sony-dsc-s85"), width=384, height=288, cx=191.5, 
 """The middle of the image of the paper's second camera."""
 
 _TEXELS = 72
+"""Of a marker's side: a multiple of the 9 cells of SURF's marker and of the 6 and 8 modules of the tags."""
+
 _SHEET = 6
 """Sides of a sheet, in sides of a marker."""
 
