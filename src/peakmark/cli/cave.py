@@ -14,7 +14,7 @@ from peakmark.experiments.cave.dense_wall_results import compare_walls
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
 from peakmark.experiments.cave.evaluation_figures import headline
 from peakmark.experiments.cave.evaluation_results import write_evaluation
-from peakmark.experiments.cave.fiducials import compare, conditions
+from peakmark.experiments.cave.fiducials import compare_designs, conditions
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.training import TrainingConfig
 from peakmark.experiments.cave.walk import CaveConfig
@@ -38,7 +38,7 @@ def render_cave(
     config = CaveConfig(scene, cast(Renderer, renderer), seed, frames)
     console = Console(quiet=quiet)
     with progress_bar(console, "render, detect, decode, score", frames + 1) as bar:
-        result = walk_results.run(config, out, bar.advance)
+        result = walk_results.run_cave(config, out, bar.advance)
     print_table(console, f"{scene} · {renderer} · seed {seed}", FIGURES, walk_results.result_rows(result))
     print_path(console, out / "report.html")
 
@@ -55,15 +55,15 @@ def evaluate_cave(
 ) -> None:
     """Read random views (0.5–4 m, tilt to 45°, any roll, noise, blur) of rooms never used for tuning, and score them.
 
-    Writes report.html and result.json, and one file a room into records/: started again with the same arguments, or
-    with more rooms, it resumes where it stopped.
+    Writes report.html and result.json, and keeps each finished room in journal.jsonl: started again with the same
+    arguments, or with more rooms, it resumes where it stopped.
     """
     config = EvaluationConfig(rooms, views, cast(Split, split), size, seed)
     console = Console(quiet=quiet)
     with progress_bar(console, "render, read, score", rooms) as bar:
-        records = evaluate(config, out, workers, bar.advance)
-    result = write_evaluation(config, records, out)
-    print_table(console, f"{split} rooms · seed {seed}", FIGURES_WITH_INTERVALS, headline(result))
+        records = evaluate(config, out, workers, bar.show)
+    figures = write_evaluation(config, records, out)
+    print_table(console, f"{split} rooms · seed {seed}", FIGURES_WITH_INTERVALS, headline(figures))
     print_path(console, out / "report.html")
 
 
@@ -71,22 +71,23 @@ def train_classifier(
     out: Out = Path("out/classifier"),
     training_rooms: Annotated[int, Option(help="Random rooms to learn from.")] = TrainingConfig.training_rooms,
     held_out_rooms: Annotated[
-        int, Option(help="Random rooms with other photographs, cameras and noise to judge on.")
+        int, Option(help="Random rooms with other photographs, cameras and noise to evaluate on.")
     ] = TrainingConfig.held_out_rooms,
     views: RoomViews = TrainingConfig.views,
+    layers: Annotated[int, Option(help="Layers an octave of the key points.")] = TrainingConfig.layers,
     seed: RoomsSeed = TrainingConfig.seed,
     reuse: Annotated[bool, Option("--reuse", help="Take the samples that --out holds; render nothing.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Train the classifiers of key points on rendered rooms and judge them on others (the paper's Section 5).
+    """Train the classifiers of key points on rendered rooms and evaluate them on others (the paper's Section 5).
 
     Writes classifier.json (the kind that ships), roc.png, training.npz, held_out.npz, report.html and result.json.
     """
-    config = TrainingConfig(training_rooms, held_out_rooms, views, seed)
+    config = TrainingConfig(training_rooms, held_out_rooms, views, seed, layers)
     console = Console(quiet=quiet)
     with progress_bar(console, "render rooms", training_rooms + held_out_rooms) as bar:
-        result = training_results.run(config, out, reuse, bar.advance)
-    print_table(console, "judged on held-out rooms", training_results.HEAD, training_results.table_rows(result))
+        result = training_results.run_training(config, out, reuse, bar.advance)
+    print_table(console, "evaluated on held-out rooms", training_results.HEAD, training_results.table_rows(result))
     print_path(console, out / "report.html")
 
 
@@ -119,7 +120,7 @@ def compare_fiducials(
     """
     console = Console(quiet=quiet)
     with progress_bar(console, "render, detect, score", len(conditions())) as bar:
-        rows = compare(trials, seed, bar.advance)
+        rows = compare_designs(trials, seed, bar.advance)
     fiducials_results.write_comparison(rows, trials, seed, out)
     title = f"right ids (wrong ones) of {trials} images each · seed {seed}"
     print_table(console, title, fiducials_results.HEAD, fiducials_results.table_rows(rows))

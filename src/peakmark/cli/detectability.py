@@ -8,8 +8,8 @@ from typer import Option
 
 from peakmark.cli.options import Quiet
 from peakmark.cli.terminal import print_path, progress_bar
-from peakmark.experiments.detectability.measure import finished, open_journal, run
-from peakmark.experiments.detectability.points import Config
+from peakmark.experiments.detectability.measure import finished_rows, measure_points, open_journal
+from peakmark.experiments.detectability.points import DetectabilityConfig
 from peakmark.experiments.detectability.results import write_results
 
 QUICK = {"trials": 8, "every": 4}
@@ -23,7 +23,7 @@ def detectability(
     trials: Annotated[int, Option(help="Random phases and rotations a point.")] = 100,
     every: Annotated[int, Option(help="Take each n-th value of every axis.")] = 1,
     quick: Annotated[bool, Option("--quick", help="A coarse look in about a minute.")] = False,
-    paper: Annotated[bool, Option("--paper", help="One centred view a point, as the paper has it.")] = False,
+    paper: Annotated[bool, Option("--paper", help="One centred image a point, as the paper has it.")] = False,
     only: Annotated[list[str] | None, Option(help="Experiments to run, by name; may be repeated.")] = None,
     detector: Annotated[list[str] | None, Option(help="A further detector by name; may be repeated.")] = None,
     workers: Annotated[int | None, Option(help="Processes. [default: one a core]")] = None,
@@ -37,13 +37,15 @@ def detectability(
     envelope.csv for `peakmark envelope --rates`.
     """
     amount = QUICK if quick else {"trials": trials, "every": every}
-    config = Config(**amount, seed=seed, only=tuple(only or ()), extra=tuple(detector or ()), is_paper=paper)
+    config = DetectabilityConfig(
+        **amount, seed=seed, only=tuple(only or ()), extra=tuple(detector or ()), is_paper=paper
+    )
     console = Console(quiet=quiet)
     journal = open_journal(config, out)
     if report_only:
-        rows = finished(config, journal)
+        rows = finished_rows(config, journal)
     else:
         with progress_bar(console, "points") as bar:
-            rows = run(config, journal, workers, bar.show)
+            rows = measure_points(config, journal, workers, bar.show)
     write_results(out, config, rows)
     print_path(console, out / "report.html")

@@ -152,10 +152,10 @@ def search_image(gray: NDArray[np.uint8], classifier: Classifier | None = None) 
     return search_features(gray, detect_features(gray), classifier)
 
 
-def detect_features(gray: NDArray[np.uint8]) -> Keypoints:
-    """Return the SURF features that the search for both polarities wants, strongest first."""
+def detect_features(gray: NDArray[np.uint8], layers: int = model.LAYERS) -> Keypoints:
+    """Return the SURF features, with so many layers an octave, that this search wants, strongest first."""
     pad = round(PAD_SHARE * max(gray.shape))
-    features = detect_to_the_border(gray, pad, threshold=model.THRESHOLD, octaves=model.OCTAVES, layers=model.LAYERS)
+    features = detect_to_the_border(gray, pad, threshold=model.THRESHOLD, octaves=model.OCTAVES, layers=layers)
     return inside(features, gray.shape)
 
 

@@ -20,11 +20,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, get_args
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.detectors.registry import NAMES, find_detector
+from peakmark.detectors.tags import Tag, tag_detector
 from peakmark.errors import InputError
 from peakmark.identification import api as identification
 from peakmark.identification.detection import Detection
@@ -123,32 +123,13 @@ def _find_by_classifier(image: NDArray[np.uint8]) -> Found:
 
 
 def _tag_detector(dictionary: str) -> FrameDetector:
-    number = getattr(cv2.aruco, dictionary, None) if dictionary.startswith("DICT_") else None
-    if number is None:
-        raise InputError(f"detector: expected a dictionary of cv2.aruco such as DICT_4X4_50, got {dictionary!r}")
-    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(number))
-
-    def find(image: NDArray[np.uint8]) -> Found:
-        corners, ids, _ = detector.detectMarkers(image)
-        tags = zip(corners, [] if ids is None else ids.ravel(), strict=True)
-        return Found(
-            Keypoints.empty(),
-            tuple(
-                _tag(i, np.asarray(quad, dtype=np.float64).reshape(4, 2), int(tag))
-                for i, (quad, tag) in enumerate(tags)
-            ),
-        )
-
-    return find
+    find_tags = tag_detector(dictionary)
+    return lambda image: Found(Keypoints.empty(), tuple(_tag(i, tag) for i, tag in enumerate(find_tags(image))))
 
 
-def _tag(i: int, corners: NDArray[np.float64], tag: int) -> Detection:
-    """Return a tag as a detection: its centre where its diagonals meet, its id as the rank."""
-    (a, b), (c, d) = corners[[0, 2]], corners[[1, 3]]
-    share = np.linalg.solve(np.stack([b - a, c - d], axis=1), c - a)[0]
-    x, y = corners.T
-    area = abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
-    return Detection(i, a + share * (b - a), float(np.sqrt(area)), "dark", 1.0, 0.0, tag)
+def _tag(i: int, tag: Tag) -> Detection:
+    """Return a tag as a detection, its number as the rank."""
+    return Detection(i, tag.center_xy, tag.side_px, "dark", 1.0, 0.0, tag.id)
 
 
 def strongest_first(features: Keypoints) -> Keypoints:

@@ -1,12 +1,13 @@
 """Results for walls with and without dense posters: report.html and result.json."""
 
+from collections.abc import Sequence
+from dataclasses import astuple
 from pathlib import Path
-from typing import Any
 
 from peaksim.scene.file import load_scene
 
 from peakmark.errors import InputError
-from peakmark.experiments.cave.dense_wall import APART_DEG, DISTANCE_M, WALLS, measure
+from peakmark.experiments.cave.dense_wall import APART_DEG, DISTANCE_M, WALLS, WallFeatures, count_features
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import result_folder, write_json
 
@@ -22,7 +23,7 @@ def compare_walls(scene: str, threshold: float, seed: int, out: Path) -> tuple[s
     if seed < 0:
         raise InputError(f"--seed: expected 0 or more, got {seed}")
     setup = load_scene(scene)
-    rows = [measure(setup, name, has, threshold, seed) for name in WALLS for has in (True, False)]
+    rows = [count_features(setup, name, has, threshold, seed) for name in WALLS for has in (True, False)]
     table = table_of(rows)
     lead = f"SURF, threshold {threshold:g}; two views {APART_DEG:g}° apart, {DISTANCE_M:g} m away, seed {seed}."
     with result_folder(out) as folder:
@@ -31,7 +32,7 @@ def compare_walls(scene: str, threshold: float, seed: int, out: Path) -> tuple[s
     return lead, table
 
 
-def table_of(rows: list[dict[str, Any]]) -> Table:
+def table_of(rows: Sequence[WallFeatures]) -> Table:
     """Return one row a wall."""
     head = ("wall", "posters", "features", "features/MP", "in both views", "found again", "share")
-    return Table(head, [(row["wall"], "yes" if row["posters"] else "no", *list(row.values())[2:]) for row in rows])
+    return Table(head, [(row.wall, "yes" if row.posters else "no", *astuple(row)[2:]) for row in rows])

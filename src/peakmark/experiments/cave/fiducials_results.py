@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, conditions
+from peakmark.experiments.cave.fiducials import DESIGNS, SWEEPS, DesignComparison, conditions
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.results import result_folder, write_json
@@ -19,7 +19,7 @@ UNITS = {
 HEAD = ("condition", *DESIGNS)
 
 
-def write_comparison(rows: list[dict[str, Any]], trials: int, seed: int, out: Path) -> None:
+def write_comparison(rows: Sequence[DesignComparison], trials: int, seed: int, out: Path) -> None:
     """Write rates.png, report.html and result.json."""
     figure = rates_figure(rows)
     lead = (
@@ -39,20 +39,20 @@ def write_comparison(rows: list[dict[str, Any]], trials: int, seed: int, out: Pa
         write_json(folder / "result.json", {"trials": trials, "seed": seed, "rows": rows})
 
 
-def table_rows(rows: Sequence[dict[str, Any]], figure: str | None = None) -> list[tuple[Any, ...]]:
+def table_rows(rows: Sequence[DesignComparison], figure: str | None = None) -> list[tuple[Any, ...]]:
     """Return one row a condition, one column a design: right ids with the wrong ones in brackets, or a figure."""
-    cells = {(r["quantity"], r["value"], r["design"]): _counts(r) if figure is None else r[figure] for r in rows}
+    cells = {(r.quantity, r.value, r.design): _counts(r) if figure is None else getattr(r, figure) for r in rows}
     return [
         (f"{UNITS[quantity]}: {value:g}", *(cells[quantity, value, design] for design in DESIGNS))
         for quantity, value, _ in conditions()
     ]
 
 
-def _counts(row: dict[str, Any]) -> str:
-    return f"{row['right']}" + (f" ({row['wrong']})" if row["wrong"] else "")
+def _counts(row: DesignComparison) -> str:
+    return f"{row.right}" + (f" ({row.wrong})" if row.wrong else "")
 
 
-def rates_figure(rows: Sequence[dict[str, Any]]) -> Any:
+def rates_figure(rows: Sequence[DesignComparison]) -> Any:
     """Return the detection rates over each quantity, one panel each."""
     from matplotlib.figure import Figure
 
@@ -60,8 +60,8 @@ def rates_figure(rows: Sequence[dict[str, Any]]) -> Any:
     for k, quantity in enumerate(SWEEPS):
         ax = figure.add_subplot(2, 3, k + 1)
         for design, style in zip(DESIGNS, ("o-", "s-", "^--", "v--"), strict=True):
-            chosen = [row for row in rows if (row["quantity"], row["design"]) == (quantity, design)]
-            values, rates = [r["value"] for r in chosen], [r["right"] / r["trials"] for r in chosen]
+            chosen = [row for row in rows if (row.quantity, row.design) == (quantity, design)]
+            values, rates = [r.value for r in chosen], [r.right / r.trials for r in chosen]
             ax.plot(values, rates, style, markersize=4, linewidth=1.2, label=design)
         ax.set(xlabel=UNITS[quantity], ylim=(-0.03, 1.03), ylabel="share with the right id" if k % 3 == 0 else "")
         ax.grid(alpha=0.3)

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 from peakmark.experiments.detectability.claims import claims_table
 from peakmark.experiments.detectability.curves import curve_figures
 from peakmark.experiments.detectability.figures import fixed_figures
-from peakmark.experiments.detectability.points import Config
+from peakmark.experiments.detectability.points import DetectabilityConfig
 from peakmark.experiments.detectability.tables import envelope_lines, envelope_table, gains_table
 from peakmark.experiments.detectability.trials import Row
 from peakmark.report import plots
@@ -18,7 +17,7 @@ from peakmark.report.page import Section, Table, svg_file_uri, write_report
 from peakmark.report.results import result_folder, write_json
 
 
-def write_results(out: Path, config: Config, rows: Sequence[Row]) -> None:
+def write_results(out: Path, config: DetectabilityConfig, rows: Sequence[Row]) -> None:
     """Write rows.csv, envelope.csv, figures, report.html and result.json."""
     tables = {
         "The paper's claims": claims_table(rows),
@@ -48,15 +47,15 @@ def write_results(out: Path, config: Config, rows: Sequence[Row]) -> None:
 def as_csv(rows: Sequence[Row]) -> str:
     """Return the rows as CSV text; None is empty."""
     text = StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer = csv.DictWriter(text, fieldnames=list(rows[0].columns()), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows(row.columns() for row in rows)
     return text.getvalue()
 
 
-def fault_rows(rows: Sequence[dict[str, Any]]) -> Table:
+def fault_rows(rows: Sequence[Row]) -> Table:
     """Return the detectors that raised or gave unusable key points, with counts."""
     head = ("detector", "experiment", "x", "raised", "not finite", "outside", "first exception")
     names = ("detector", "experiment", "x", "failures", "not_finite", "outside", "first_failure")
-    faulty = [row for row in rows if row["failures"] or row["not_finite"] or row["outside"]]
-    return Table(head, [[row[name] for name in names] for row in faulty])
+    faulty = [row for row in rows if row.found.failures or row.found.not_finite or row.found.outside]
+    return Table(head, [[row.columns()[name] for name in names] for row in faulty])

@@ -79,7 +79,7 @@ def test_a_view_sees_an_array_at_the_asked_distance_and_tilt(seed: int) -> None:
 
 
 @pytest.mark.parametrize("camera", CAMERAS["held-out"])
-def test_a_smaller_picture_has_the_same_field_of_view(camera: Camera) -> None:
+def test_a_smaller_image_has_the_same_field_of_view(camera: Camera) -> None:
     small = resized(camera, 0.5)
     assert (small.width, small.height) == (camera.width / 2, camera.height / 2)
     points = np.random.default_rng(0).uniform([-0.3, -0.3, 1], [0.3, 0.3, 2], (20, 3))
