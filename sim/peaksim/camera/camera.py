@@ -100,6 +100,14 @@ class Camera:
         undistorted = _undistort_brown(flat, self.distortion) if any(self.distortion) else flat
         return np.concatenate([undistorted, np.ones((len(flat), 1))], axis=1)
 
+    def contains(self, xy: Points) -> NDArray[np.bool_]:
+        """Return (n,) which of (n, 2) px are in the image; nan is not."""
+        return np.asarray(((xy >= -0.5) & (xy <= [self.width - 0.5, self.height - 0.5])).all(axis=1))
+
+    def pixel_centers(self) -> Points:
+        """Return the (H, W, 2) px of all pixel centres."""
+        return np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), axis=2).astype(np.float64)
+
 
 def from_sensor(
     width: int, height: int, focal_mm: float, sensor_width_mm: float, *, distortion: tuple[float, ...] = ()

@@ -16,7 +16,6 @@ from peaksim.camera.frame import Frame, MarkerTruth
 from peaksim.camera.sensor import apply_sensor
 from peaksim.corpus.plan import FramePlan
 from peaksim.corpus.spec import PictureTable
-from peaksim.corpus.views import inside
 from peaksim.errors import InputError, RendererError
 from peaksim.geometry.pose import Pose, invert, transform
 from peaksim.image_file import read_image
@@ -163,7 +162,7 @@ def _marker_values(scene: Scene, camera: Camera, pose: Pose, truth: tuple[Marker
 
 
 def _is_listed(camera: Camera, marker: MarkerTruth) -> bool:
-    in_picture = bool(inside(camera, marker.center_xy[None])[0])
+    in_picture = bool(camera.contains(marker.center_xy[None])[0])
     return marker.visible_fraction > 0 or (in_picture and marker.tilt_deg < 90)
 
 
@@ -183,7 +182,7 @@ def point_states(
     if len(points_m) == 0:
         return np.zeros((0, 5), dtype=np.int64)
     xy = camera.project(transform(invert(pose), points_m.reshape(-1, 3)))
-    in_picture = inside(camera, xy)
+    in_picture = camera.contains(xy)
     drawn_in = points_m + 1e-3 * (points_m[:, :1] - points_m)
     first, _ = first_faces(solids_of(scene, quads=True), pose[:3, 3], drawn_in.reshape(-1, 3) - pose[:3, 3])
     seen = first == np.repeat(owners, points_m.shape[1])

@@ -84,11 +84,6 @@ class Spread(Table):
             return _truncated_normal(share, *self.normal, low, high)
         return float(np.clip(low + share * (high - low), low, high))
 
-    def plain(self) -> Any:
-        """Return the spread as the file states it, for JSON."""
-        stated = self.model_dump(mode="json", exclude_none=True)
-        return stated["choice"][0] if list(stated) == ["choice"] and len(stated["choice"]) == 1 else stated
-
 
 def pick(share: float, weights: tuple[float, ...]) -> int:
     """Return the index whose part of the summed weights holds a `share` (0…1) of the whole."""

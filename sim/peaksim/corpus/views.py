@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
 from peaksim.camera.camera import Camera, Points
 from peaksim.corpus.draws import Draws
@@ -118,12 +117,7 @@ def markers_ahead(scene: Scene, camera: Camera, pose: Pose) -> int:
     normals = np.array([quad.world_from_quad[:3, 2] for quad, _ in marks])
     faces_us = ((pose[:3, 3] - centers) * normals).sum(axis=1) > 0
     xy = camera.project(transform(invert(pose), centers))
-    return int((faces_us & inside(camera, xy)).sum())
-
-
-def inside(camera: Camera, xy: Points) -> NDArray[np.bool_]:
-    """Return which of (n, 2) points, px, are in the picture; nan is not."""
-    return np.asarray(((xy >= -0.5) & (xy <= [camera.width - 0.5, camera.height - 0.5])).all(axis=1))
+    return int((faces_us & camera.contains(xy)).sum())
 
 
 def is_free(meshes: tuple[Mesh, ...], room: tuple[Points, Points] | None, pose: Pose) -> bool:

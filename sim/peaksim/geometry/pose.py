@@ -89,6 +89,13 @@ def rotation_about(axis: str, angle_deg: float) -> NDArray[np.float64]:
     return rotation
 
 
+def pose_distance(a: Pose, b: Pose) -> tuple[float, float]:
+    """Return how far pose `b` is from pose `a`: the distance of their origins, metres, and their angle, degrees."""
+    b_in_a = invert(a) @ b
+    angle_deg = np.degrees(Rotation.from_matrix(b_in_a[:3, :3]).magnitude())
+    return float(np.linalg.norm(b_in_a[:3, 3])), float(angle_deg)
+
+
 def interpolate(start: Pose, end: Pose, fraction: ArrayLike) -> NDArray[np.float64]:
     """Return the (..., 4, 4) poses at fractions (...), 0…1, of the way: slerp in rotation, straight in position."""
     shares = np.asarray(fraction, dtype=np.float64)[..., None]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from peaksim.errors import SceneError
 from peaksim.geometry.trajectory import Trajectory, from_quaternions, quaternions_xyzw
+from peaksim.whole_file import write_whole
 
 Format = Literal["tum", "euroc", "kitti"]
 
@@ -50,7 +51,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 def save_trajectory(trajectory: Trajectory, path: str | Path, format: Format = "tum") -> None:
     """Write a trajectory; numbers are written in full, so that reading gives the poses back to 10⁻¹²."""
-    Path(path).write_text(to_text(trajectory, format), encoding="ascii")
+    write_whole(Path(path), to_text(trajectory, format))
 
 
 def to_text(trajectory: Trajectory, format: Format = "tum") -> str:

@@ -68,12 +68,6 @@ def read_table(path: str | Path) -> tuple[SceneTable, Path]:
     return validate(SceneTable, parse_toml(file), str(file)), file.parent
 
 
-def texture_variants(path: str | Path) -> dict[str, tuple[str, ...]]:
-    """Return the selectable variants of each texture of a scene file that has any."""
-    table, _ = read_table(path)
-    return {name: tuple(t.variants) for name, t in table.textures.items() if t.variants}
-
-
 def find_scene(path: str | Path) -> Path:
     """Return the file of a scene: a path, or the bare name of a shipped scene."""
     shipped_file = shipped.SCENES / f"{path}.toml"

@@ -26,7 +26,7 @@ class Flow:
 
 def optical_flow(scene: Scene, first: Frame, second: Frame) -> Flow:
     """Return the flow from one frame to another one of a scene, at mid-exposure."""
-    points, xy = points_m(first), _pixel_centres(first)
+    points, xy = points_m(first), first.camera.pixel_centers().reshape(-1, 2)
     landed = np.full((len(points), 2), np.nan)
     known = np.isfinite(points).all(axis=1)
     landed[known] = second.shot.project(points[known])
@@ -37,7 +37,7 @@ def optical_flow(scene: Scene, first: Frame, second: Frame) -> Flow:
 
 def points_m(frame: Frame) -> NDArray[np.float64]:
     """Return the (H·W, 3) world points that the pixel centres show, nan where nothing is."""
-    poses, rays, world_rays = frame.shot.rays(_pixel_centres(frame))
+    poses, rays, world_rays = frame.shot.rays(frame.camera.pixel_centers())
     depth = frame.depth_m.ravel().astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         points = poses[:, :3, 3] + (depth / rays[:, 2])[:, None] * world_rays
@@ -45,16 +45,9 @@ def points_m(frame: Frame) -> NDArray[np.float64]:
     return np.asarray(points)
 
 
-def _pixel_centres(frame: Frame) -> NDArray[np.float64]:
-    height, width = frame.camera.height, frame.camera.width
-    x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
-    return np.stack([x.ravel(), y.ravel()], axis=1)
-
-
 def _is_seen(scene: Scene, shot: Shot, points: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return (n,) whether a picture shows world points at their places in it."""
-    limits = np.array([shot.camera.width, shot.camera.height]) - 0.5
-    seen = np.asarray(((xy >= -0.5) & (xy <= limits)).all(axis=1))
+    seen = shot.camera.contains(xy)
     eyes = np.broadcast_to(shot.row_poses(xy[seen, 1])[:, :3, 3], (int(seen.sum()), 3))
     reached = first_faces(solids_of(scene, quads=True), eyes, points[seen] - eyes)[1]
     seen[seen] = np.abs(reached - 1) < _SAME_DEPTH

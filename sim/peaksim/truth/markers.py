@@ -9,6 +9,7 @@ from peaksim.area.rays import first_faces, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth
 from peaksim.camera.shutter import Shot
+from peaksim.geometry.polygon import clip_polygon, polygon_area
 from peaksim.geometry.pose import invert, transform
 from peaksim.scene.scene import Scene, rectangle_m
 from peaksim.truth.shape import affinities, ellipses
@@ -118,7 +119,7 @@ def _share_inside(shot: Shot, corners_xy: NDArray[np.float64]) -> float | None:
     if shot.is_rolling or not shot.camera.is_pinhole or not np.isfinite(corners_xy).all():
         return None
     end = np.array([shot.camera.width, shot.camera.height]) - 0.5
-    return polygon_area(clipped(corners_xy, end)) / polygon_area(corners_xy)
+    return polygon_area(clip_polygon(corners_xy, (-0.5, -0.5), end)) / polygon_area(corners_xy)
 
 
 def _is_hidden(
@@ -196,31 +197,6 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
-def polygon_area(corners_xy: NDArray[np.float64]) -> float:
-    """Return the signed area of a polygon, px², positive if its corners run clockwise on the screen."""
-    (x, y), (next_x, next_y) = corners_xy.T, np.concatenate([corners_xy[1:], corners_xy[:1]]).T
-    return float((x * next_y - next_x * y).sum() / 2)
-
-
-def clipped(corners_xy: NDArray[np.float64], end_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (m, 2) part of a convex polygon between (−0.5, −0.5) and `end_xy` (Sutherland and Hodgman 1974)."""
-    for axis in (0, 1):
-        corners_xy = _cut(corners_xy, corners_xy[:, axis] + 0.5)
-        corners_xy = _cut(corners_xy, end_xy[axis] - corners_xy[:, axis])
-    return corners_xy
-
-
-def _cut(corners_xy: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the part of a polygon where depths, given at its (n, 2) corners and linear between, are not negative."""
-    kept = []
-    for a, b in zip(range(-1, len(depths) - 1), range(len(depths)), strict=True):
-        if (depths[a] < 0) != (depths[b] < 0):
-            kept.append(corners_xy[a] + depths[a] / (depths[a] - depths[b]) * (corners_xy[b] - corners_xy[a]))
-        if depths[b] >= 0:
-            kept.append(corners_xy[b])
-    return np.array(kept).reshape(-1, 2)
-
-
 def visible_fraction(shot: Shot, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
     """Return the share of a rectangle's image area that is inside the picture and in front of all else.
 
@@ -231,7 +207,7 @@ def visible_fraction(shot: Shot, solids: "Solids", number: int, corners: NDArray
     points = corners[0] + u[:, None] * (corners[1] - corners[0]) + v[:, None] * (corners[3] - corners[0])
     xy = shot.project(points)
     weights = area_weights(shot, points, corners)
-    inside = ((xy >= -0.5) & (xy <= [shot.camera.width - 0.5, shot.camera.height - 0.5])).all(axis=1)
+    inside = shot.camera.contains(xy)
     eyes = np.broadcast_to(shot.row_poses(xy[inside, 1])[:, :3, 3], (int(inside.sum()), 3))
     seen = np.zeros(len(points), dtype=bool)
     seen[inside] = first_faces(solids, eyes, points[inside] - eyes)[0] == number

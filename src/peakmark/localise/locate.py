@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, rotation_about, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rotation_about, transform
 
 from peakmark.errors import InputError
 from peakmark.localise.distance import Values, unit_rays
@@ -266,9 +266,8 @@ def _surely_seen(camera: Camera, floor_map: FloorMap, pose: Pose) -> NDArray[np.
 
 
 def _is_near(candidate: _Candidate, near: Pose, within_m: float, within_deg: float) -> bool:
-    apart = invert(near) @ candidate.fit.world_from_camera
-    angle = np.degrees(np.arccos(np.clip((np.trace(apart[:3, :3]) - 1) / 2, -1, 1)))
-    return bool(np.linalg.norm(apart[:3, 3]) <= within_m and angle <= within_deg)
+    distance_m, angle_deg = pose_distance(near, candidate.fit.world_from_camera)
+    return distance_m <= within_m and angle_deg <= within_deg
 
 
 def _decide(candidates: list[_Candidate]) -> Located | None:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, transform
 from scipy.optimize import least_squares
 
 from peakmark.errors import InputError
@@ -23,6 +23,8 @@ STEP = 1e-6
 """Of numerical derivatives, radians and metres."""
 _FAR = 1e3
 
+_SAME_M, _SAME_DEG = 1e-3, 0.0573
+"""Fits that are nearer than this have reached one minimum: 1 mm and 1 mrad, far below what tells two minima apart."""
 _FLIP_MARGIN = 8.0
 """Log-likelihood by which a pose must beat the mirrored one that a planar target also allows."""
 
@@ -129,7 +131,7 @@ def expected_shapes(
     """Return (n, 2) px and (n, 2, 2) px per tangent at which markers should be seen; nan outside the image."""
     xy = camera.project(transform(invert(world_from_camera), centers_m))
     with np.errstate(invalid="ignore"):
-        outside = ~((xy >= -0.5) & (xy <= np.array([camera.width, camera.height]) - 0.5)).all(axis=1)
+        outside = ~camera.contains(xy)
     xy[outside] = np.nan
     shapes = np.full((len(xy), 2, 2), np.nan)
     _, slopes = _projected(world_from_camera[None], centers_m, tangents_m)
@@ -242,5 +244,5 @@ def _is_line(points_m: NDArray[np.float64]) -> bool:
 
 def is_other(a: PoseFit, b: PoseFit) -> bool:
     """Return whether two fits are different poses, not one minimum reached twice."""
-    apart = invert(a.world_from_camera) @ b.world_from_camera
-    return bool(np.linalg.norm(apart[:3, 3]) > 1e-3 or np.trace(apart[:3, :3]) < 3 - 1e-6)
+    distance_m, angle_deg = pose_distance(a.world_from_camera, b.world_from_camera)
+    return distance_m > _SAME_M or angle_deg > _SAME_DEG

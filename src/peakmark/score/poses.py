@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.geometry.pose import Pose, invert
-from scipy.spatial.transform import Rotation
+from peaksim.geometry.pose import Pose, pose_distance
 
 from peakmark.errors import InputError
 
@@ -18,9 +17,8 @@ def pose_error(estimate: Pose | None, truth: Pose) -> tuple[float, float] | None
     if estimate is None:
         return None
 
-    apart = invert(truth) @ estimate
-    angle = float(np.degrees(Rotation.from_matrix(apart[:3, :3]).magnitude()))
-    return float(1000 * np.linalg.norm(apart[:3, 3])), angle
+    distance_m, angle_deg = pose_distance(truth, estimate)
+    return 1000 * distance_m, angle_deg
 
 
 def is_wrong(error: tuple[float, float] | None) -> bool:

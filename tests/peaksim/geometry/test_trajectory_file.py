@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from peaksim import load_trajectory
 from peaksim.errors import SceneError
-from peaksim.geometry.trajectory import Trajectory, line, orbit
+from peaksim.geometry.pose import look_at
+from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import Format, save_trajectory
 
 
 @pytest.mark.parametrize("format", ["tum", "euroc", "kitti"])
 def test_write_then_read(tmp_path: Path, format: Format) -> None:
-    way = orbit([0, 0, 0], 2.0, 1.0, duration_s=3.6, steps=36)  # 0.1 s a step, which KITTI assumes
+    poses = [look_at(eye, [0, 0, 0.5]) for eye in np.random.default_rng(0).normal(size=(37, 3))]
+    way = Trajectory(0.1 * np.arange(37), np.stack(poses))  # 0.1 s a step, which KITTI assumes
     save_trajectory(way, tmp_path / "way", format)
     again = load_trajectory(tmp_path / "way")
     assert np.allclose(again.times_s, way.times_s, atol=1e-9)
@@ -77,7 +79,7 @@ def test_missing_and_binary_files(tmp_path: Path) -> None:
 
 
 def test_times_of_a_short_way_survive(tmp_path: Path) -> None:
-    way = line(np.eye(4), np.eye(4), 1 / 3)
+    way = Trajectory(np.array([0, 1 / 3]), np.stack([np.eye(4)] * 2))
     save_trajectory(way, tmp_path / "w")
     assert isinstance(again := load_trajectory(tmp_path / "w"), Trajectory)
     assert again.times_s[1] == 1 / 3

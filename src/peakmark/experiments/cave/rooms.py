@@ -4,7 +4,7 @@ Rooms of the two splits share no photograph, no camera and no kind of noise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
@@ -226,14 +226,6 @@ CAMERAS: Mapping[Split, tuple[Camera, ...]] = {
     ),
 }
 """Those of the training see straight lines. The first held-out one is the paper's second camera."""
-
-
-def resized(camera: Camera, share: float) -> Camera:
-    """Return a camera whose picture has `share` of the width and height, rounded, and the same field of view."""
-    width, height = round(camera.width * share), round(camera.height * share)
-    x, y = width / camera.width, height / camera.height
-    center = (camera.cx + 0.5) * x - 0.5, (camera.cy + 0.5) * y - 0.5
-    return replace(camera, width=width, height=height, fx=camera.fx * x, fy=camera.fy * y, cx=center[0], cy=center[1])
 
 
 def random_sensor(rng: np.random.Generator, split: Split) -> Sensor:
