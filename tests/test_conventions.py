@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.pose import compose, invert, look_at, rotation_about, transform
 from peaksim.rendering import Renderer
 from peaksim.scene.file import load_scene
@@ -132,11 +132,11 @@ def test_12_a_dark_marker_has_laplacian_plus_one() -> None:
 def test_13_each_row_of_a_rolling_shutter_has_its_own_time() -> None:
     rolling = replace(CAMERA, row_time_s=0.01)
     way = Trajectory(np.array([0.0, 2.0]), np.stack([FACING, FACING @ compose(np.eye(3), [0.5, 0, 0])]))
-    shot = Shot(rolling, way, 1.0)
-    for x, y in shot.project([[0.2, 0.2, 0], [0.25, -0.3, 0], [0.3, 0, 0]]):
+    posed = PosedCamera(rolling, way, 1.0)
+    for x, y in posed.project([[0.2, 0.2, 0], [0.25, -0.3, 0], [0.3, 0, 0]]):
         own = way.at(1.0 + (y - 14.5) * 0.01)
         point = transform(own, 1.0 * CAMERA.unproject([[x, y]]))
-        assert np.allclose(shot.project(point), [[x, y]], atol=1e-8)
+        assert np.allclose(posed.project(point), [[x, y]], atol=1e-8)
 
 
 def test_14_the_affinity_maps_sides_right_and_down() -> None:

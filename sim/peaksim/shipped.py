@@ -12,7 +12,7 @@ SCENES = _ROOT / "scenes"
 ASSETS = _ROOT / "assets"
 
 
-def inside(root: Path, relative: str, name: str) -> Path:
+def file_inside(root: Path, relative: str, name: str) -> Path:
     """Return `root / relative`, refusing a path that leaves `root` or is no file.
 
     Raises

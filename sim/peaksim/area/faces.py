@@ -21,7 +21,7 @@ BACK_LEVEL = 128.0
 START, STRIDE, PLANE, CONTRAST, EXTENT_P, EXTENT_Q, LEVEL, NORMAL = 0, 1, 2, 3, 4, 5, 6, 9
 """Columns of `Faces.table`."""
 DEPTH = 4
-"""Row of `Views.sides` that is w."""
+"""Row of `FaceViews.sides` that is w."""
 _EDGE_ON = 1e-12
 
 
@@ -37,7 +37,7 @@ class Faces(NamedTuple):
     """Summed-area tables of all textures, one after another."""
 
 
-class Views(NamedTuple):
+class FaceViews(NamedTuple):
     """All faces as seen from n poses: one, or one a row of a rolling shutter."""
 
     sides: NDArray[np.float64]
@@ -48,6 +48,8 @@ class Views(NamedTuple):
     """(n, f) whether the textured side is seen."""
     least: NDArray[np.float64]
     """(f,) w of the farthest corner, along a direction of unit length, from the first pose; metres⁻¹."""
+    eyes: NDArray[np.float64]
+    """(n, 3) camera centres, world, metres."""
 
 
 def faces_of(scene: Scene) -> Faces:
@@ -64,9 +66,9 @@ def faces_of(scene: Scene) -> Faces:
         table[first : first + len(mesh.faces), LEVEL:NORMAL] = mesh_levels(mesh, channels_of(scene))
         first += len(mesh.faces)
     textures = tuple({id(q.texture): q.texture for q in scene.quads}.values())
-    texels, places = pack(textures)
+    texels, positions = pack_textures(textures)
     for row, quad in zip(table, scene.quads, strict=False):
-        row[: CONTRAST + 1] = places[textures.index(quad.texture)]
+        row[: CONTRAST + 1] = positions[textures.index(quad.texture)]
         row[EXTENT_P : EXTENT_Q + 1] = quad.texture.size
     return Faces(np.ascontiguousarray(planes), table, texels)
 
@@ -83,15 +85,15 @@ def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], N
 
 
 @lru_cache(maxsize=1)
-def pack(textures: tuple[Texture, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def pack_textures(textures: tuple[Texture, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the tables of all textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
     shapes = [sums_shape(texture.pixels) for texture in textures]
     starts = np.cumsum([0, *(prod(shape) for shape in shapes)])
-    texels, places = np.empty(starts[-1]), np.zeros((len(textures), 4))
-    for texture, shape, start, end, place in zip(textures, shapes, starts, starts[1:], places, strict=False):
+    texels, positions = np.empty(starts[-1]), np.zeros((len(textures), 4))
+    for texture, shape, start, end, place in zip(textures, shapes, starts, starts[1:], positions, strict=False):
         write_sums(texture.pixels, texels[start:end].reshape(shape))
         place[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, texture.contrast
-    return texels, places
+    return texels, positions
 
 
 def unit_normals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -112,7 +114,7 @@ def channels_of(scene: Scene) -> int:
     return 3 if colored else 1
 
 
-def look(faces: Faces, poses: NDArray[np.float64]) -> Views:
+def view_faces(faces: Faces, poses: NDArray[np.float64]) -> FaceViews:
     """Return the faces as seen from (n, 4, 4) `world_from_camera`."""
     dual_u, dual_v = _duals(faces.planes[:, 1], faces.planes[:, 2])
     normals = faces.table[:, NORMAL:]
@@ -128,14 +130,15 @@ def look(faces: Faces, poses: NDArray[np.float64]) -> Views:
     far_q = np.where(is_quad, extents[:, 1:] * w - q, w)
     rotations = poses[:, None, :3, :3]
     # u × v of a quad points into the page, for v runs down
-    return Views(
+    return FaceViews(
         sides=np.stack([p, q, far_p, far_q, w], axis=2) @ rotations,
         printed=(away[:, :, 0] > 0) & is_quad[:, 0],
         least=1 / np.maximum(_farthest(faces, poses[0, :3, 3]), 1e-300),
+        eyes=poses[:, :3, 3],
     )
 
 
-def distances(faces: Faces, eye: NDArray[np.float64]) -> tuple[float, float]:
+def distance_range(faces: Faces, eye: NDArray[np.float64]) -> tuple[float, float]:
     """Return a distance that no face comes nearer than, and the one of the farthest corner, metres; (inf, 0) if empty.
 
     The first is the larger one of a face's distance from its plane and from the ball around it.

@@ -151,7 +151,7 @@ def find_owners(rays, sides, cells, found, counts, alone, owners):
     rays
         (h + 1, w + 1, 3) directions of the pixel corners.
     sides
-        (1 or h, f, 5, 3) as in `Views`.
+        (1 or h, f, 5, 3) as in `FaceViews`.
     cells
         (h, w) row of `found` that lists the faces a pixel may see.
     found, counts

@@ -12,7 +12,7 @@ EMPTY = 1e-9
 
 
 @part
-def copy(pool, sizes, source, target):
+def copy_polygon(pool, sizes, source, target):
     """Copy a polygon."""
     sizes[target] = sizes[source]
     for k in range(sizes[source]):
@@ -21,7 +21,7 @@ def copy(pool, sizes, source, target):
 
 
 @part
-def cut(pool, sizes, source, line, sign, target):
+def cut_polygon(pool, sizes, source, line, sign, target):
     """Write the part of a polygon on one side of a line to another one (Sutherland and Hodgman 1974)."""
     n, m = sizes[source], 0
     before = 0.0

@@ -24,11 +24,11 @@ def write_sums(pixels: NDArray[np.uint8], out: NDArray[np.float64]) -> None:
     out
         (channels, h + 3, w + 3) written.
     """
-    add_up(pixels.reshape(*pixels.shape[:2], -1), out)
+    add_texels(pixels.reshape(*pixels.shape[:2], -1), out)
 
 
 @kernel
-def add_up(pixels, out):
+def add_texels(pixels, out):
     """Write the sums of (h, w, channels) pixels to (channels, h + 3, w + 3); see `write_sums`."""
     height, width, channels = pixels.shape
     out[:, 0] = 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.camera.camera import Camera
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.pose import Pose
 
 TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
@@ -89,8 +89,8 @@ class Frame:
     """OpenGL's renderer string, None without GL."""
     surfaces: "Callable[[], Surfaces]"
     """Computes depth, ids and normals on first use."""
-    shot: Shot
-    """The one projection of picture and truth: `shot.project(points_m)` gives px of world points."""
+    posed_camera: PosedCamera
+    """The one projection of image and truth: `posed_camera.project(points_m)` gives px of world points."""
 
     @cached_property
     def _surfaces(self) -> "Surfaces":

@@ -7,7 +7,7 @@ from peaksim.errors import SceneError
 
 
 @dataclass(frozen=True)
-class Model:
+class CameraModel:
     """A camera as its maker describes it, zoomed out."""
 
     width: int
@@ -23,9 +23,9 @@ class Model:
 MODELS = {
     # not checked against a data sheet: type 1/3.2" CCD of 4.54×3.42 mm;
     # the lens is a 35 mm equivalent of 35 mm over the diagonal (43.27 mm)
-    "panasonic-dmc-fx1": Model(2048, 1536, 35.0 * 5.684 / 43.27, 4.54),
+    "panasonic-dmc-fx1": CameraModel(2048, 1536, 35.0 * 5.684 / 43.27, 4.54),
     # ICX406 CCD, type 1/1.8", cells of 3.12 µm; lens of 7–21 mm
-    "sony-dsc-s85": Model(2272, 1704, 7.0, 2272 * 3.12e-3),
+    "sony-dsc-s85": CameraModel(2272, 1704, 7.0, 2272 * 3.12e-3),
 }
 """By name: the cameras of Figures 10 and 13."""
 

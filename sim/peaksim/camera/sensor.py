@@ -79,10 +79,10 @@ class Sensor:
 
 def apply_sensor(frame: Frame, sensor: Sensor, rng: np.random.Generator) -> Frame:
     """Return the frame with its picture taken by the sensor; truth stays."""
-    return replace(frame, image=take(frame.linear, sensor, rng))
+    return replace(frame, image=capture_image(frame.linear, sensor, rng))
 
 
-def take(linear: Levels, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint8]:
+def capture_image(linear: Levels, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Return the uint8 picture of linear grey levels.
 
     Parameters
@@ -112,7 +112,7 @@ def take(linear: Levels, sensor: Sensor, rng: np.random.Generator) -> NDArray[np
     if sensor.gamma != 1:
         levels = np.float32(WHITE) * (np.clip(levels, 0, None) / np.float32(WHITE)) ** np.float32(1 / sensor.gamma)
     picture = quantise(levels, sensor.bits)
-    return compress(picture, sensor.jpeg_quality) if sensor.jpeg_quality else picture
+    return compress_jpeg(picture, sensor.jpeg_quality) if sensor.jpeg_quality else picture
 
 
 def gaussian_blur(levels: Levels, sigma_px: float) -> Levels:
@@ -174,7 +174,7 @@ def quantise(levels: Levels, bits: int = 8) -> NDArray[np.uint8]:
     return np.asarray(np.rint(codes * (WHITE / steps)), dtype=np.uint8)
 
 
-def compress(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+def compress_jpeg(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
     """Return the picture after JPEG at a quality of 1…100."""
     buffer = BytesIO()
     Image.fromarray(picture).save(buffer, "JPEG", quality=quality)

@@ -19,7 +19,7 @@ _CONVERGED_PX = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class PosedCamera:
     """One picture of a camera on its way."""
 
     camera: Camera
@@ -93,13 +93,13 @@ class Shot:
         rays = self.camera.unproject(places)
         return poses, rays, (poses[:, :3, :3] @ rays[:, :, None])[:, :, 0]
 
-    def moments(self, count: int) -> tuple["Shot", ...]:
+    def moments(self, count: int) -> tuple["PosedCamera", ...]:
         """Return shots without blur at the middles of `count` equal parts of the exposure."""
         steps = ((np.arange(count) + 0.5) / count - 0.5) * self.camera.exposure_s
         sharp = replace(self.camera, exposure_s=0.0)
-        return tuple(Shot(sharp, self.trajectory, self.time_s + float(step)) for step in steps)
+        return tuple(PosedCamera(sharp, self.trajectory, self.time_s + float(step)) for step in steps)
 
 
-def still(camera: Camera, world_from_camera: Pose) -> Shot:
-    """Return the shot of a camera that stands still."""
-    return Shot(camera, Trajectory(np.zeros(1), np.asarray(world_from_camera)[None]))
+def still_camera(camera: Camera, world_from_camera: Pose) -> PosedCamera:
+    """Return the posed of a camera that stands still."""
+    return PosedCamera(camera, Trajectory(np.zeros(1), np.asarray(world_from_camera)[None]))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from peaksim.corpus.layout import picture_name
+from peaksim.corpus.layout import image_name
 from peaksim.corpus.sample import KEYPOINTS, UNSEEN, Record, to_line
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
@@ -55,7 +55,7 @@ def _json(value: Any) -> bytes:
 
 def _image(spec: CorpusSpec, record: Record) -> dict[str, Any]:
     camera = record["camera"]
-    name = picture_name(spec, record["frame"]).removeprefix("frames/")
+    name = image_name(spec, record["frame"]).removeprefix("frames/")
     return {"id": record["frame"], "file_name": name, "width": camera["width"], "height": camera["height"]}
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from peaksim.corpus.layout import picture_name
+from peaksim.corpus.layout import image_name
 from peaksim.corpus.sample import SEEN, Record
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
@@ -20,13 +20,13 @@ from peaksim.geometry.pose import invert
 
 
 @dataclass
-class _Point:
+class _TrackedPoint:
     number: int
     xyz: list[float]
     track: list[tuple[int, int]] = field(default_factory=list)
 
 
-Points = dict[tuple[str, int], _Point]
+Points = dict[tuple[str, int], _TrackedPoint]
 
 
 @contextmanager
@@ -82,16 +82,16 @@ def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, 
     for marker in record["markers"]:
         for i, state in enumerate(marker["points_seen"]):
             if state == SEEN:
-                fresh = _Point(first_point + len(points), marker["points_world_m"][i])
+                fresh = _TrackedPoint(first_point + len(points), marker["points_world_m"][i])
                 point = points.setdefault((marker["name"], i), fresh)
                 point.track.append((number, len(seen)))
                 u, v = marker["points_xy"][i]
                 seen.append(f"{u + 0.5!r} {v + 0.5!r} {point.number}")
-    name = picture_name(spec, record["frame"]).removeprefix("frames/")
+    name = image_name(spec, record["frame"]).removeprefix("frames/")
     return f"{number} {_joined([w, x, y, z, *pose[:3, 3]])} {camera} {name}\n{' '.join(seen)}\n"
 
 
-def _point_line(point: _Point) -> str:
+def _point_line(point: _TrackedPoint) -> str:
     track = " ".join(f"{image} {index}" for image, index in point.track)
     return f"{point.number} {_joined(point.xyz)} 128 128 128 0 {track}\n"
 

@@ -62,7 +62,7 @@ class Configuration:
         return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def configure(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
+def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
     """Return the configuration of a new corpus; `folder` is where the specification's files are."""
     scenes = [read_scene(choice.file, folder) for choice in spec.scenes]
     single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
@@ -128,7 +128,7 @@ def read_configuration(store: Store) -> Configuration:
         raise InputError(f"{where}: expected the configuration of a corpus: {error!r:.80}") from error
 
 
-def claim(store: Store, configuration: Configuration) -> None:
+def claim_store(store: Store, configuration: Configuration) -> None:
     """Make a folder or bucket this corpus's own, or find that it already is.
 
     Raises

@@ -7,7 +7,7 @@ for, and leaves all others as they are when a field is added.
 from dataclasses import dataclass
 from hashlib import blake2b
 
-from peaksim.corpus.spread import Spread, pick
+from peaksim.corpus.spread import Spread, pick_index
 
 _CORPUS, _SEQUENCE, _FRAME = 1, 2, 3
 
@@ -30,7 +30,7 @@ class Draws:
 
     def index(self, name: str, weights: tuple[float, ...]) -> int:
         """Return one of the indices of the weights."""
-        return pick(self.share(name), weights)
+        return pick_index(self.share(name), weights)
 
 
 def corpus_draws(seed: int) -> Draws:

@@ -25,7 +25,7 @@ def shard_key(shard: int) -> str:
     return f"{shard:06d}"
 
 
-def picture_name(spec: CorpusSpec, index: int) -> str:
+def image_name(spec: CorpusSpec, index: int) -> str:
     """Return the name of a frame's picture."""
     return f"{_frames_folder(spec.store, index)}{frame_key(index)}.{SUFFIXES[spec.pictures.format]}"
 

@@ -1,7 +1,7 @@
 """What each frame of a corpus is: pure functions of the specification, the seed and the frame's index.
 
 A *sequence* is a run of `sequence_frames` frames that share a scene, with its textures, markers and clutter, and a
-camera and a kind of view. View, light and sensor are drawn for every frame.
+camera and a kind of view. AnyView, light and sensor are drawn for every frame.
 """
 
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
-from peaksim.corpus.spec import CorpusSpec, FlightView, LightSpread, SensorSpread, View, sensor_value
-from peaksim.corpus.vary import varied
+from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, sensor_value
+from peaksim.corpus.vary import vary_scene
 from peaksim.corpus.views import is_free, markers_ahead, view_pose
 from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import Pose
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
-from peaksim.scene.build import camera as camera_of
+from peaksim.scene.build import build_camera
 from peaksim.scene.file import Setup, build_setup, read_table
 from peaksim.scene.scene import Light, Scene
 from peaksim.scene.schema import RoomTable, SceneTable
@@ -45,7 +45,7 @@ class Sequence:
     """Which the camera may not leave."""
     camera: NamedCamera
     """Which takes the pictures."""
-    view: View
+    view: AnyView
     """How poses are drawn."""
     trajectory: Trajectory
     """What flights follow."""
@@ -173,7 +173,7 @@ def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
     file = spec.scenes[choice].file
     table, beside = read_scene(file, folder)
     try:
-        setup = build_setup(varied(table, spec, draws), beside)
+        setup = build_setup(vary_scene(table, spec, draws), beside)
     except InputError as error:
         raise SceneError(f"{file}: {error}") from error
     view = spec.views[draws.index("view", tuple(view.weight for view in spec.views))]
@@ -192,7 +192,7 @@ def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
     if spec.cameras:
         return drawn_cameras(spec)
     tables = (read_scene(choice.file, folder)[0] for choice in spec.scenes)
-    return tuple(NamedCamera(f"scene-{i:03d}", camera_of(table.camera), 1.0) for i, table in enumerate(tables))
+    return tuple(NamedCamera(f"scene-{i:03d}", build_camera(table.camera), 1.0) for i, table in enumerate(tables))
 
 
 def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCamera:
@@ -200,7 +200,7 @@ def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCa
     return cameras[draws.index("camera", tuple(c.weight for c in cameras)) if spec.cameras else scene]
 
 
-def _trajectory(view: View, setup: Setup, folder: Path) -> Trajectory:
+def _trajectory(view: AnyView, setup: Setup, folder: Path) -> Trajectory:
     if isinstance(view, FlightView) and view.file is not None:
         return load_trajectory(folder / view.file)
     return setup.trajectory

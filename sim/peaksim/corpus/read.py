@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from peaksim.corpus import layout
 from peaksim.corpus.configuration import Configuration, read_configuration
-from peaksim.corpus.sample import Record, decode
-from peaksim.corpus.shard import members
+from peaksim.corpus.sample import Record, decode_image
+from peaksim.corpus.shard import read_members
 from peaksim.corpus.store.base import Store
 from peaksim.corpus.store.opening import open_store
 from peaksim.corpus.write import read_records
@@ -57,19 +57,19 @@ class Corpus:
             If it is damaged.
         """
         spec = self.configuration.spec
-        name = layout.picture_name(spec, frame)
+        name = layout.image_name(spec, frame)
         if spec.store.files:
-            return decode(self.store.read(name), name)
+            return decode_image(self.store.read(name), name)
         key = name.rpartition("/")[2]
         shard = _shard(self.store.url, layout.shard_name(frame // spec.store.shard_frames))
         if key not in shard:
             raise InputError(f"{self.store.url}: expected {key} in a shard, it is not there")
-        return decode(shard[key], name)
+        return decode_image(shard[key], name)
 
 
 @lru_cache(maxsize=1)
 def _shard(url: str, name: str) -> dict[str, bytes]:
-    return members(open_store(url).read(name))
+    return read_members(open_store(url).read(name))
 
 
 def open_corpus(dest: str) -> Corpus:

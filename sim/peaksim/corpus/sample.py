@@ -50,11 +50,11 @@ def render_frame(plan: FramePlan, renderer: Renderer) -> Frame:
 def make_sample(plan: FramePlan, renderer: Renderer, pictures: PictureTable) -> Sample:
     """Render a plan and return its bytes."""
     frame = render_frame(plan, renderer)
-    picture = encode(frame.image, pictures)
+    picture = encode_image(frame.image, pictures)
     return Sample(picture, to_line(record_of(plan, frame, picture)))
 
 
-def encode(image: NDArray[np.uint8], pictures: PictureTable) -> bytes:
+def encode_image(image: NDArray[np.uint8], pictures: PictureTable) -> bytes:
     """Return a grey or RGB picture as the bytes of a file."""
     # noise does not compress: what is left is its Huffman code after a good filter, in a quarter of the time
     quick = [
@@ -74,7 +74,7 @@ def encode(image: NDArray[np.uint8], pictures: PictureTable) -> bytes:
     return content.tobytes()
 
 
-def decode(content: bytes, name: str) -> NDArray[np.uint8]:
+def decode_image(content: bytes, name: str) -> NDArray[np.uint8]:
     """Return a picture file's bytes as (H, W) grey or (H, W, 3) RGB.
 
     Raises

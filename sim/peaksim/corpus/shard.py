@@ -34,7 +34,7 @@ def shard_in(file: Writing) -> Iterator[Shard]:
     shard.close()
 
 
-def members(content: bytes) -> dict[str, bytes]:
+def read_members(content: bytes) -> dict[str, bytes]:
     """Return the members of a shard by name, in order."""
     with tarfile.TarFile(fileobj=BytesIO(content), mode="r") as tar:
         return {info.name: tar.extractfile(info).read() for info in tar if info.isfile()}  # type: ignore[union-attr]

@@ -11,14 +11,14 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from peaksim.scene.schema import NotNegative, Number, Table
+from peaksim.scene.schema import NotNegative, Number, StrictTable
 
 Pair = tuple[Number, Number]
 
 _FORMS = ("uniform", "log_uniform", "integers", "normal", "choice")
 
 
-class Spread(Table):
+class Spread(StrictTable):
     """One number's distribution; `at` picks from it."""
 
     uniform: Pair | None = None
@@ -75,7 +75,7 @@ class Spread(Table):
         """Return the value below which a `share` (0…1) of all values lies."""
         low, high = self.limits
         if self.choice is not None:
-            return float(self.choice[pick(share, self.weights or (1.0,) * len(self.choice))])
+            return float(self.choice[pick_index(share, self.weights or (1.0,) * len(self.choice))])
         if self.integers is not None:
             return float(min(low + np.floor(share * (high - low + 1)), high))
         if self.log_uniform is not None:
@@ -85,7 +85,7 @@ class Spread(Table):
         return float(np.clip(low + share * (high - low), low, high))
 
 
-def pick(share: float, weights: tuple[float, ...]) -> int:
+def pick_index(share: float, weights: tuple[float, ...]) -> int:
     """Return the index whose part of the summed weights holds a `share` (0…1) of the whole."""
     edges = np.cumsum(weights)
     return int(min(np.searchsorted(edges, share * edges[-1], side="right"), len(weights) - 1))

@@ -7,13 +7,13 @@ from peaksim.corpus.draws import Draws
 from peaksim.corpus.spec import ClutterSpread, CorpusSpec, MarkerSpread, TextureSpread
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rotation_about
-from peaksim.scene.build import facing, path_poses
+from peaksim.scene.build import path_poses, quad_pose
 from peaksim.scene.schema import BoxTable, MarkerTable, QuadTable, RoomTable, SceneTable, TextureTable
 
 _GAP_M = 0.001  # between things that lie on each other
 
 
-def varied(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
+def vary_scene(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
     """Return a scene's tables as one sequence of a corpus has them.
 
     Raises
@@ -110,7 +110,7 @@ def _varied_marker(marker: MarkerTable, spread: MarkerSpread, draws: Draws) -> M
     def value(field: str, axis: str = "") -> float:
         return draws.value(f"markers.{field}.{marker.name}{axis}", getattr(spread, field))
 
-    pose: Pose = facing(marker.normal, marker.up, marker.center_m, f"markers.{marker.name}")
+    pose: Pose = quad_pose(marker.normal, marker.up, marker.center_m, f"markers.{marker.name}")
     shift = pose[:3, :2] @ np.array([value("shift_m", ".x"), value("shift_m", ".y")])
     up = pose[:3, :3] @ rotation_about("z", value("turn_deg"))[:, 1]
     factor = value("side_factor")

@@ -7,7 +7,7 @@ import numpy as np
 
 from peaksim.camera.camera import Camera, Points
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import FlightView, MarkerView, RandomView, View
+from peaksim.corpus.spec import AnyView, FlightView, MarkerView, RandomView
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, invert, look_at, rotation_about, transform
 from peaksim.geometry.trajectory import Trajectory
@@ -23,7 +23,7 @@ def random_view(view: RandomView, draws: Draws) -> Pose:
         [draws.value(f"view.{name}.{axis}", spread) for axis, spread in zip("xyz", box, strict=True)]
         for name, box in (("eye", view.eye_m), ("target", view.target_m))
     )
-    return rolled(look_at(eye, target), draws.value("view.roll_deg", view.roll_deg))
+    return roll_camera(look_at(eye, target), draws.value("view.roll_deg", view.roll_deg))
 
 
 def marker_view(view: MarkerView, scene: Scene, camera: Camera, draws: Draws) -> Pose:
@@ -46,7 +46,7 @@ def marker_view(view: MarkerView, scene: Scene, camera: Camera, draws: Draws) ->
     center = transform(quad.world_from_quad, [*mark.center_m, 0.0])
     eye = center + draws.value("view.distance_m", view.distance_m) * (quad.world_from_quad[:3, :3] @ out)
     up = quad.world_from_quad[:3, 1 if tilt < np.radians(1) else 2]
-    squarely = rolled(look_at(eye, center, up), draws.value("view.roll_deg", view.roll_deg))
+    squarely = roll_camera(look_at(eye, center, up), draws.value("view.roll_deg", view.roll_deg))
     return _aimed(squarely, camera, draws.value("view.off_axis", view.off_axis), draws.share("view.off_axis.turn"))
 
 
@@ -77,7 +77,7 @@ def flight_view(view: FlightView, trajectory: Trajectory, position: float, draws
 
 
 def view_pose(
-    view: View, scene: Scene, camera: Camera, trajectory: Trajectory, position: float, draws: Draws
+    view: AnyView, scene: Scene, camera: Camera, trajectory: Trajectory, position: float, draws: Draws
 ) -> tuple[Pose, float]:
     """Return a view's pose and time; the time of a still view is 0.
 
@@ -95,7 +95,7 @@ def view_pose(
     assert_never(view)
 
 
-def rolled(pose: Pose, roll_deg: float) -> Pose:
+def roll_camera(pose: Pose, roll_deg: float) -> Pose:
     """Turn a camera about its viewing axis."""
     return compose(pose[:3, :3] @ rotation_about("z", roll_deg), pose[:3, 3])
 

@@ -78,7 +78,7 @@ def draw_numbers(
         finally:
             drawn.remove_node(node)
         if os.environ["PYOPENGL_PLATFORM"] == "osmesa" and next(_drawings) % _DRAWINGS_OF_OSMESA == 0:
-            _close()
+            _close_context()
     except _FAILURES as error:
         raise RendererError(f"OpenGL failed while drawing: {type(error).__name__} {error}") from error
     return np.asarray(numbers)
@@ -140,7 +140,7 @@ def _context() -> tuple[Any, str]:
     return renderer, name
 
 
-def _close() -> None:
+def _close_context() -> None:
     """Close the renderer; the next drawing opens a new one."""
     renderer = _context()[0]
     atexit.unregister(renderer.delete)

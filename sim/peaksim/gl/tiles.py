@@ -17,7 +17,7 @@ LEAST_COSINE = 0.8
 """Cosine of the widest angle between the middle of a lens's tile and its other directions."""
 
 
-class Tile(NamedTuple):
+class ImageTile(NamedTuple):
     """Part of a picture."""
 
     rows: slice
@@ -48,26 +48,26 @@ class Window(NamedTuple):
         return self.samples_from_window @ self.camera_from_window.T
 
 
-def tiles(camera: Camera) -> Iterator[Tile]:
+def split_into_tiles(camera: Camera) -> Iterator[ImageTile]:
     """Yield tiles that cover the picture."""
     lattice = corner_rays(camera)
     rays = band_rays(camera, slice(0, camera.height)) if lattice is None else lattice
-    yield from _split(Tile(slice(0, camera.height), slice(0, camera.width), rays), camera.is_pinhole)
+    yield from _split(ImageTile(slice(0, camera.height), slice(0, camera.width), rays), camera.is_pinhole)
 
 
-def _split(tile: Tile, is_pinhole: bool) -> Iterator[Tile]:
+def _split(tile: ImageTile, is_pinhole: bool) -> Iterator[ImageTile]:
     """Yield a tile, or its halves where it is too large."""
     height, width = tile.rays.shape[0] - 1, tile.rays.shape[1] - 1
     if max(height, width) <= LONGEST_PX and (is_pinhole or max(height, width) == 1 or _is_narrow(tile.rays)):
         yield tile
     elif width >= height:
         x, half = tile.columns.start, width // 2
-        yield from _split(Tile(tile.rows, slice(x, x + half), tile.rays[:, : half + 1]), is_pinhole)
-        yield from _split(Tile(tile.rows, slice(x + half, x + width), tile.rays[:, half:]), is_pinhole)
+        yield from _split(ImageTile(tile.rows, slice(x, x + half), tile.rays[:, : half + 1]), is_pinhole)
+        yield from _split(ImageTile(tile.rows, slice(x + half, x + width), tile.rays[:, half:]), is_pinhole)
     else:
         y, half = tile.rows.start, height // 2
-        yield from _split(Tile(slice(y, y + half), tile.columns, tile.rays[: half + 1]), is_pinhole)
-        yield from _split(Tile(slice(y + half, y + height), tile.columns, tile.rays[half:]), is_pinhole)
+        yield from _split(ImageTile(slice(y, y + half), tile.columns, tile.rays[: half + 1]), is_pinhole)
+        yield from _split(ImageTile(slice(y + half, y + height), tile.columns, tile.rays[half:]), is_pinhole)
 
 
 def _is_narrow(rays: Rays) -> bool:
@@ -80,12 +80,12 @@ def _middle(rays: Rays) -> NDArray[np.float64]:
     return np.asarray(middle / np.linalg.norm(middle))
 
 
-def window_of(tile: Tile, is_pinhole: bool) -> Window:
+def window_of(tile: ImageTile, is_pinhole: bool) -> Window:
     """Return a window with SAMPLES × SAMPLES samples for each pixel of a tile, evenly spread over the window.
 
     For a pinhole, samples lie evenly in each pixel.
     """
-    turn = np.eye(3) if is_pinhole else half_turn(_middle(tile.rays))
+    turn = np.eye(3) if is_pinhole else swap_rotation(_middle(tile.rays))
     border = np.concatenate([tile.rays[0], tile.rays[-1], tile.rays[:, 0], tile.rays[:, -1]])
     seen = border @ turn
     flat = seen[:, :2] / seen[:, 2:]
@@ -97,7 +97,7 @@ def window_of(tile: Tile, is_pinhole: bool) -> Window:
     return Window(turn, int(size[0]), int(size[1]), matrix, float(1 / np.sqrt(1 + reach @ reach)))
 
 
-def half_turn(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def swap_rotation(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (3, 3) half turn that swaps the third axis with a unit direction, which is not its opposite."""
     between = direction + np.array([0, 0, 1])
     return np.asarray(2 * np.outer(between, between) / (between @ between) - np.eye(3))

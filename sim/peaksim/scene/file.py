@@ -86,17 +86,17 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
     scene = Scene(
         quads=(
             *scene_build.room_quads(table.room, textures),
-            *scene_build.quads(table.quads, textures),
+            *scene_build.build_quads(table.quads, textures),
             *scene_build.marker_quads(table.markers, table.marker_paths, table.room),
             *scene_posters.poster_quads(table.posters, table.room),
         ),
-        meshes=scene_build.meshes(table.boxes, table.tables),
-        lights=scene_build.lights(table.lights),
+        meshes=scene_build.build_meshes(table.boxes, table.tables),
+        lights=scene_build.build_lights(table.lights),
         background=table.background,
     )
     scene_build.check_camera(table.trajectory, table.room)
-    camera = scene_build.camera(table.camera)
-    return Setup(scene, camera, scene_build.trajectory(table.trajectory), build_sensor(table.sensor))
+    camera = scene_build.build_camera(table.camera)
+    return Setup(scene, camera, scene_build.build_trajectory(table.trajectory), build_sensor(table.sensor))
 
 
 def build_sensor(settings: Mapping[str, Any]) -> Sensor:

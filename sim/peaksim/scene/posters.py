@@ -7,7 +7,7 @@ import numpy as np
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.scene import schema as schema
-from peaksim.scene.build import check_inside, facing, marker_pattern
+from peaksim.scene.build import check_inside, marker_pattern, quad_pose
 from peaksim.scene.scene import Mark, Quad
 from peaksim.scene.texture import MAX_TEXELS, Texture
 
@@ -17,14 +17,14 @@ _BLANK = "."
 def poster_quads(tables: tuple[schema.PosterTable, ...], room: schema.RoomTable | None) -> Iterator[Quad]:
     """Yield the posters; copies of one poster share its texture."""
     for i, table in enumerate(tables):
-        for quad in copies_of(table, f"posters[{i}]"):
+        for quad in poster_copies(table, f"posters[{i}]"):
             yield check_inside(quad, room, f"posters[{i}].center_m")
 
 
-def copies_of(table: schema.PosterTable, field: str) -> Iterator[Quad]:
+def poster_copies(table: schema.PosterTable, field: str) -> Iterator[Quad]:
     """Yield a poster once, or its copies from the top left, row by row, numbered from 01."""
     texture, size_m, marks = print_poster(table, field)
-    middle = facing(table.normal, table.up, table.center_m, field)
+    middle = quad_pose(table.normal, table.up, table.center_m, field)
     across, down = table.copies
     step_m = table.step_m or size_m
     for k in range(across * down):

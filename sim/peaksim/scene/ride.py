@@ -37,7 +37,7 @@ class Bumps:
 
 
 @dataclass(frozen=True)
-class Light:
+class ExposureChange:
     """Exposure between two multipliers, as a sine over time that starts half-way."""
 
     low: float = 1.0
@@ -57,7 +57,7 @@ class Ride:
     """What takes them."""
     sensor: Sensor
     """Its settings at exposure 1."""
-    light: Light = field(default_factory=Light)
+    light: ExposureChange = field(default_factory=ExposureChange)
     """Changes of the exposure."""
     mount: Mount | None = None
     """The camera's height and pitch where they are constant but for bumps; None if not stated."""

@@ -12,23 +12,23 @@ from peaksim.errors import InputError, SceneError
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
-from peaksim.scene.build import camera
+from peaksim.scene.build import build_camera
 from peaksim.scene.file import Setup, build_sensor, load_scene, read_table
-from peaksim.scene.ride import Bumps, Light, Mount, Ride, follow_path
-from peaksim.scene.schema import CameraTable, Name, NotNegative, Number, Point2, Positive, SceneTable, Table
+from peaksim.scene.ride import Bumps, ExposureChange, Mount, Ride, follow_path
+from peaksim.scene.schema import CameraTable, Name, NotNegative, Number, Point2, Positive, SceneTable, StrictTable
 from peaksim.toml_file import parse_toml, validate
 
 TRAJECTORIES = shipped.SCENES / "trajectories"
 
 
-class StopTable(Table):
+class StopTable(StrictTable):
     """`[[drive.stops]]`."""
 
     at_m: Number
     duration_s: Positive
 
 
-class DriveTable(Table):
+class DriveTable(StrictTable):
     """`[drive]`."""
 
     path: Name | None = None
@@ -50,7 +50,7 @@ class DriveTable(Table):
         return self
 
 
-class BumpsTable(Table):
+class BumpsTable(StrictTable):
     """`[bumps]`."""
 
     roll_deg: NotNegative = 0.0
@@ -59,7 +59,7 @@ class BumpsTable(Table):
     rate_hz: Positive = 2.0
 
 
-class LightTable(Table):
+class ExposureTable(StrictTable):
     """`[light]`."""
 
     low: Positive = 1.0
@@ -67,7 +67,7 @@ class LightTable(Table):
     period_s: Positive = 10.0
 
 
-class RideTable(Table):
+class RideTable(StrictTable):
     """The whole file."""
 
     scene: str
@@ -77,7 +77,7 @@ class RideTable(Table):
     sensor: dict[str, Any] | None = None
     drive: DriveTable
     bumps: BumpsTable = BumpsTable()
-    light: LightTable = LightTable()
+    light: ExposureTable = ExposureTable()
 
 
 def load_ride(
@@ -144,10 +144,10 @@ def _ride(table: RideTable, setup: Setup, layout: SceneTable, seed: int) -> Ride
         sway_length_m=drive.sway_length_m,
         frames_per_second=table.frames_per_second,
     )
-    lens = setup.camera if table.camera is None else camera(table.camera)
+    lens = setup.camera if table.camera is None else build_camera(table.camera)
     sensor = setup.sensor if table.sensor is None else build_sensor(table.sensor)
     lens = replace(lens, exposure_s=table.exposure_s or lens.exposure_s)
-    return Ride(trajectory, table.frames_per_second, lens, sensor, Light(**table.light.model_dump()), mount)
+    return Ride(trajectory, table.frames_per_second, lens, sensor, ExposureChange(**table.light.model_dump()), mount)
 
 
 def _path(drive: DriveTable, layout: SceneTable) -> FloorPath:

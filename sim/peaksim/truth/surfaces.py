@@ -6,19 +6,19 @@ from numpy.typing import NDArray
 from peaksim.area.faces import triangles_m, unit_normals
 from peaksim.area.rays import first_faces, solids_of
 from peaksim.camera.frame import Surfaces
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.scene.scene import Scene
 
 
-def surfaces(scene: Scene, shot: Shot) -> Surfaces:
+def surfaces(scene: Scene, posed: PosedCamera) -> Surfaces:
     """Return depth, ids and normals at pixel centres."""
-    return surfaces_at(scene, shot, shot.camera.pixel_centers())
+    return surfaces_at(scene, posed, posed.camera.pixel_centers())
 
 
-def surfaces_at(scene: Scene, shot: Shot, xy: NDArray[np.float64]) -> Surfaces:
+def surfaces_at(scene: Scene, posed: PosedCamera, xy: NDArray[np.float64]) -> Surfaces:
     """Return depth, ids and normals at (h, w, 2) px."""
     shape = xy.shape[:2]
-    poses, rays, world_rays = shot.rays(xy)
+    poses, rays, world_rays = posed.rays(xy)
     faces, parameters = first_faces(solids_of(scene, quads=True), poses[:, :3, 3], world_rays)
     mesh_of_face = np.repeat(np.arange(len(scene.meshes)), [len(m.faces) for m in scene.meshes])
     quads, hit = len(scene.quads), faces >= 0

@@ -27,29 +27,29 @@ def lit_integral(scene: Scene, camera: Camera, pose: NDArray[np.float64], n: int
         rays = camera.unproject(pixels + offset) @ pose[:3, :3].T
         t, hit = nearest(np.broadcast_to(pose[:3, 3], rays.shape), rays, triangles)
         seen = np.isfinite(t)
-        places = pose[:3, 3] + np.where(seen, t, 0)[:, None] * rays
+        positions = pose[:3, 3] + np.where(seen, t, 0)[:, None] * rays
         corners = triangles[hit]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         normals *= -np.sign((normals * rays).sum(axis=1, keepdims=True))
-        light = sum(multiplier(one, places, normals, blockers) for one in scene.lights)
+        light = sum(multiplier(one, positions, normals, blockers) for one in scene.lights)
         total += np.where(seen, levels[hit] * light, scene.background)
     return (total / n**2).reshape(camera.height, camera.width)
 
 
-def multiplier(light: Light, places: Points, normals: Points, blockers: Points) -> NDArray[np.float64]:
+def multiplier(light: Light, positions: Points, normals: Points, blockers: Points) -> NDArray[np.float64]:
     """Return the (m,) multiplier of one light, as `Light` defines it."""
     if light.kind == "ambient":
-        return np.full(len(places), light.intensity)
+        return np.full(len(positions), light.intensity)
     if light.kind == "directional":
-        ways = np.broadcast_to(-np.asarray(light.direction) * 1e3, places.shape)
+        ways = np.broadcast_to(-np.asarray(light.direction) * 1e3, positions.shape)
     else:
-        ways = np.asarray(light.position_m) - places
+        ways = np.asarray(light.position_m) - positions
     lengths = np.linalg.norm(ways, axis=1)
     cosines = np.maximum((ways * normals).sum(axis=1) / lengths, 0)
     falloff = (light.reference_m / lengths) ** 2 if light.kind == "point" else 1.0
     if light.casts_shadows:
-        cosines[nearest(places + 1e-6 * normals, ways, blockers)[0] < 1] = 0
+        cosines[nearest(positions + 1e-6 * normals, ways, blockers)[0] < 1] = 0
     return light.intensity * cosines * falloff
 
 

@@ -10,7 +10,7 @@ OPAQUE = 255 << 24
 NONE = np.zeros((1, 0), np.int64), np.zeros(1, np.int64)
 
 
-def places(height: int, width: int) -> np.ndarray:
+def positions(height: int, width: int) -> np.ndarray:
     """Return (column, row, 1) of pixel corners where samples lie evenly."""
     x, y = np.meshgrid(SAMPLES * np.arange(width + 1.0), SAMPLES * np.arange(height + 1.0))
     return np.stack([x, y, np.ones_like(x)], axis=2)
@@ -55,7 +55,7 @@ def test_pixels_of_a_full_tile_have_lists_of_their_own_and_the_fullest_are_crowd
     found, counts = np.zeros((65, MOST_FACES + 1), np.int64), np.zeros(65, np.int64)
     alone = np.full(65, MIXED)
     groups = np.full(2000, -1)
-    list_in_pixels(numbers, groups, *NONE, places(8, 8), 16, full, found, counts, alone, cells)
+    list_in_pixels(numbers, groups, *NONE, positions(8, 8), 16, full, found, counts, alone, cells)
     assert np.array_equal(cells, np.arange(1, 65).reshape(8, 8))
     assert (alone[cells][:3] == CROWDED).all()
     assert (alone[cells][4:] == MIXED).all()
@@ -74,7 +74,7 @@ def test_a_crowded_pixel_is_cut_into_equal_parts_with_the_face_at_their_middle()
     polygons, pieces, shares = np.zeros((n, 24, 2)), np.zeros((n, 4), np.int64), np.zeros(n)
     out = np.zeros((1, 1, 1), np.float32)
     pixels = np.zeros((1, 2), np.int64)
-    count = cut_crowded(corners, sides, numbers, places(1, 1), pixels, 160.0, polygons, pieces, shares, out)
+    count = cut_crowded(corners, sides, numbers, positions(1, 1), pixels, 160.0, polygons, pieces, shares, out)
     assert count == n - 1
     assert out[0, 0, 0] == 160 / n
     assert np.all(shares[:count] == 1 / n)

@@ -136,16 +136,16 @@ def test_of_quads_that_lie_on_each_other_the_later_one_is_seen() -> None:
         Quad(f"card{k}", texture, (0.6, 0.6), compose(rotation_about("z", 20 * k), [0.2 * k - 1, 0.1 * k, 0]))
         for k, texture in enumerate(plain)
     )
-    assert set(render_gl.touching(Scene(floor + cards))) == {0}
+    assert set(render_gl.touching_groups(Scene(floor + cards))) == {0}
     assert differences(Scene(floor + cards), CAMERA, POSE).max() < 0.1
 
 
 def test_quads_side_by_side_do_not_touch() -> None:
     white = Texture.from_array(np.full((1, 1), 255, np.uint8))
-    places = [compose(rotation_about("z", 30), rotation_about("z", 30) @ [0.1 * k, 0, 0]) for k in range(5)]
-    row = tuple(Quad(f"{k}", white, (0.1, 0.1), place) for k, place in enumerate(places))
+    positions = [compose(rotation_about("z", 30), rotation_about("z", 30) @ [0.1 * k, 0, 0]) for k in range(5)]
+    row = tuple(Quad(f"{k}", white, (0.1, 0.1), place) for k, place in enumerate(positions))
     above = Quad("above", white, (1.0, 1.0), compose(np.eye(3), [0, 0, 0.002]))
-    assert set(render_gl.touching(Scene((*row, above)))) == {-1}
+    assert set(render_gl.touching_groups(Scene((*row, above)))) == {-1}
 
 
 def test_it_draws_meshes_where_the_exact_renderer_does() -> None:

@@ -8,7 +8,7 @@ from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor
 from peaksim.errors import SceneError
 from peaksim.geometry.floor_path import FloorPath
-from peaksim.scene.ride import Bumps, Light, Mount, Ride, camera_pose, follow_path, smooth_noise
+from peaksim.scene.ride import Bumps, ExposureChange, Mount, Ride, camera_pose, follow_path, smooth_noise
 
 STRAIGHT = FloorPath(np.array([[0.0, 0.0], [0.0, 10.0]]))
 MOUNT = Mount(0.7, 30.0)
@@ -79,7 +79,11 @@ def test_noise_is_of_unit_deviation_and_smooth() -> None:
 
 def test_the_light_swings_between_its_limits() -> None:
     ride = Ride(
-        follow_path(STRAIGHT, MOUNT, 1.0, 0.0, 5.0, rng()), 10.0, Camera(), Sensor(exposure=2.0), Light(0.5, 1.0, 4.0)
+        follow_path(STRAIGHT, MOUNT, 1.0, 0.0, 5.0, rng()),
+        10.0,
+        Camera(),
+        Sensor(exposure=2.0),
+        ExposureChange(0.5, 1.0, 4.0),
     )
     exposures = [ride.sensor_at(t).exposure for t in (0.0, 1.0, 3.0)]
     assert np.allclose(exposures, [1.5, 2.0, 1.0])

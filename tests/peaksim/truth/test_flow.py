@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from peaksim import Camera, Quad, Scene, Texture, Trajectory, optical_flow, render
 from peaksim.geometry.pose import compose
-from peaksim.truth.flow import points_m
+from peaksim.truth.flow import surface_points
 
 CAMERA = Camera(width=48, height=36, fx=40.0, fy=40.0, cx=23.5, cy=17.5)
 GREY = Texture.from_array(np.full((1, 1), 90, np.uint8))
@@ -42,7 +42,7 @@ def test_a_rolling_shutters_points_are_those_it_shows() -> None:
     scene = Scene((FLOOR, CARD))
     way = Trajectory(np.array([-1.0, 1.0]), np.stack([above(-1.0), above(1.0)]))
     frame = render(scene, replace(CAMERA, row_time_s=1e-3), way, renderer="exact")
-    points = points_m(frame)
+    points = surface_points(frame)
     assert np.allclose(points[:, 2], np.where(frame.quad_ids.ravel() == 1, 0.5, 0.0), atol=1e-6)
     flow = optical_flow(scene, frame, frame)
     assert np.abs(flow.xy).max() < 1e-4

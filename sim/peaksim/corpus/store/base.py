@@ -63,7 +63,7 @@ class Store(Protocol):
         """Keep other runs away for the length of a `with` block, where that is possible."""
 
 
-def write(store: Store, name: str, content: bytes, *, lasting: bool = True) -> str:
+def write_file(store: Store, name: str, content: bytes, *, lasting: bool = True) -> str:
     """Write a whole file and return its SHA-256; see `Store.create`."""
     with store.create(name, lasting=lasting) as file:
         file.write(content)

@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import Frame, MarkerTruth
-from peaksim.camera.sensor import take
+from peaksim.camera.sensor import capture_image
 from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.ride import Ride
@@ -170,7 +170,7 @@ def photograph(flight: Flight, index: int) -> Frame:
     renderer = quicker(flight.config.renderer, scene)
     frame = render(scene, flight.ride.camera, flight.ride.trajectory, renderer=renderer, time_s=time_s)
     noise = np.random.default_rng((flight.config.seed, index))
-    return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
+    return replace(frame, image=capture_image(frame.linear, flight.ride.sensor_at(time_s), noise))
 
 
 def quicker(renderer: Renderer, scene: Scene) -> Renderer:
