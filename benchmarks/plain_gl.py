@@ -19,7 +19,7 @@ LINEAR, MIP_MAPPED, CLAMPED = 9729, 9987, 33071
 
 
 def draw(scene: Scene, camera: Camera, pose: np.ndarray) -> np.ndarray:
-    """Return the (h, w) picture."""
+    """Return the (h, w) image."""
     drawn = _drawn(scene)
     out = np.empty((camera.height, camera.width), np.float32)
     for y in range(0, camera.height, TILE_PX[1]):

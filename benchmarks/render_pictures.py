@@ -1,4 +1,4 @@
-"""The pictures of the renderer in docs/: `python benchmarks/render_pictures.py --out docs`."""
+"""The images of the renderer in docs/: `python benchmarks/render_pictures.py --out docs`."""
 
 import argparse
 from dataclasses import replace
@@ -43,8 +43,8 @@ def furniture() -> tuple[Mesh, ...]:
     )
 
 
-def pictures() -> dict[str, np.ndarray]:
-    """Return the named pictures."""
+def images() -> dict[str, np.ndarray]:
+    """Return the named images."""
     scene = room()
     flat = replace(scene, meshes=())
     lamps = (Light("ambient", 0.35), Light("point", 1.1, position_m=(-0.6, -0.4, 2.4), reference_m=2.0))
@@ -69,7 +69,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs"))
     folder = parser.parse_args().out
-    shown = pictures()
+    shown = images()
     names = list(shown)
     rows = [np.concatenate([np.pad(shown[n], 4, constant_values=255) for n in names[k : k + 3]], 1) for k in (0, 3)]
     for name, image in shown.items():

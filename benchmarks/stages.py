@@ -19,7 +19,7 @@ HAAR_SAMPLES, HAAR_CORNERS = 113, 8
 
 
 class Stage(NamedTuple):
-    """One stage on one picture."""
+    """One stage on one image."""
 
     name: str
     run: Callable[[], object]
@@ -37,7 +37,7 @@ class StageTime(NamedTuple):
 
 
 def stages(gray: NDArray[np.uint8]) -> list[Stage]:
-    """Stages of `detect_and_describe` on this picture, in order."""
+    """Stages of `detect_and_describe` on this image, in order."""
     pixels = gray.size
     integral = padded_integral(gray)
     records = find_interest_points(integral, gray.shape, 100.0, 4, 3, None)

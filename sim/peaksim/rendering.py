@@ -1,4 +1,4 @@
-"""render: one call, two renderers; pictures and truth come from the same posed."""
+"""render: one call, two renderers; image and truth come from the same posed camera."""
 
 import sys
 from functools import cache
@@ -23,8 +23,9 @@ from peaksim.truth.surfaces import surfaces, surfaces_at
 Renderer = Literal["auto", "exact", "gl"]
 
 MOST_MOMENTS = 256
-"""Most pictures that a motion blur is made of."""
+"""Most sharp images that a motion blur is averaged from."""
 _MOMENTS_PER_PX = 1.5
+"""Sharp images for each pixel that the scene moves: steps of ⅔ px, below what a pixel resolves."""
 
 
 def render(
@@ -34,17 +35,17 @@ def render(
     renderer: Renderer = "auto",
     time_s: float = 0.0,
 ) -> Frame:
-    """Return the picture of a scene and its truth.
+    """Return the image of a scene and its truth.
 
     Parameters
     ----------
     scene, camera
-        What is seen, and by what.
+        What there is to see, and the camera that sees it.
     world_from_camera
         (4, 4) pose; or a trajectory, along which the camera moves while its rows are exposed one after another
         (`row_time_s`) and each over some time (`exposure_s`).
     renderer
-        "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and
+        "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and GL
         can draw this.
     time_s
         Mid-exposure of the middle row on the trajectory; kept in the frame.
@@ -56,7 +57,7 @@ def render(
     RendererError
         If OpenGL fails.
     """
-    posed = _shot(camera, world_from_camera, time_s)
+    posed = _posed_camera(camera, world_from_camera, time_s)
     if renderer not in ("auto", "exact", "gl"):
         raise SceneError(f'renderer: expected "auto", "exact" or "gl", got {renderer!r}')
     chosen = choose_renderer(posed, renderer)
@@ -76,7 +77,7 @@ def render(
     )
 
 
-def _shot(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> PosedCamera:
+def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> PosedCamera:
     if not np.isfinite(time_s):
         raise SceneError(f"time_s: expected a finite time, got {time_s}")
     if isinstance(world_from_camera, Trajectory):
@@ -85,12 +86,12 @@ def _shot(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: flo
 
 
 def choose_renderer(posed: PosedCamera, renderer: Renderer) -> Literal["exact", "gl"]:
-    """Return the renderer to use; "auto" takes GL where a context opens and can draw this.
+    """Return the renderer to use; "auto" takes GL where a context opens and GL can draw this.
 
     Raises
     ------
     SceneError
-        If "gl" is asked for what only "exact" draws: a rolling shutter.
+        If "gl" is requested for what only "exact" draws: a rolling shutter.
     """
     if renderer == "exact":
         return "exact"
@@ -103,7 +104,7 @@ def choose_renderer(posed: PosedCamera, renderer: Renderer) -> Literal["exact", 
 
     if render_gl.is_available():
         return "gl"
-    _warn_once("no OpenGL context opens here: going on with the exact renderer, which needs none")
+    _warn_once("no OpenGL context opens here: using the exact renderer, which needs none")
     return "exact"
 
 
@@ -117,10 +118,10 @@ def draw_levels(
 ) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
     moments = posed.moments(count_moments(scene, posed)) if posed.is_blurred else (posed,)
-    pictures = (_draw_sharp(scene, moment, renderer) for moment in moments)
-    linear = next(pictures) / np.float32(len(moments)) if len(moments) > 1 else next(pictures)
-    for picture in pictures:
-        linear += picture / np.float32(len(moments))
+    images = (_draw_sharp(scene, moment, renderer) for moment in moments)
+    linear = next(images) / np.float32(len(moments)) if len(moments) > 1 else next(images)
+    for image in images:
+        linear += image / np.float32(len(moments))
     if renderer == "exact":
         return linear, None
 
@@ -135,7 +136,7 @@ def _draw_sharp(scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl
 
 
 def count_moments(scene: Scene, posed: PosedCamera) -> int:
-    """Return how many pictures a motion blur is made of: three for every two pixels that what is seen moves."""
+    """Return how many sharp images a motion blur is averaged from: three for every two pixels that the scene moves."""
     camera = posed.camera
     x, y = np.meshgrid(np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 7))
     xy = np.stack([x, y], axis=2)
@@ -143,7 +144,7 @@ def count_moments(scene: Scene, posed: PosedCamera) -> int:
     depth = surfaces_at(scene, posed, xy).depth_m.ravel().astype(np.float64)
     reach = np.where(np.isfinite(depth), depth, 1e3) / np.maximum(rays[:, 2], 1e-3)
     points = poses[:, :3, 3] + reach[:, None] * world_rays
-    way = np.stack([moment.project(points) for moment in posed.moments(4)])
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=2)
+    paths_xy = np.stack([moment.project(points) for moment in posed.moments(4)])
+    steps = np.linalg.norm(np.diff(paths_xy, axis=0), axis=2)
     motion_px = 4 * np.nanmax(steps, initial=0) if np.isfinite(steps).any() else 0.0
     return int(np.clip(np.ceil(_MOMENTS_PER_PX * motion_px), 2, MOST_MOMENTS))

@@ -1,4 +1,4 @@
-"""Where scenes and assets are: beside the sources, or inside an installed package."""
+"""Where scenes and assets are: beside the sources, or inside the installed package."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ ASSETS = _ROOT / "assets"
 
 
 def file_inside(root: Path, relative: str, name: str) -> Path:
-    """Return `root / relative`, refusing a path that leaves `root` or is no file.
+    """Return `root / relative`, refusing a path that leaves `root` or is not a file.
 
     Raises
     ------
     SceneError
-        With `name` (the field) in front.
+        The message starts with `name`, the field.
     """
     path = (root / relative).resolve()
     if not path.is_relative_to(root.resolve()):

@@ -1,4 +1,4 @@
-"""Bands of rows: each is drawn by itself, in a thread of its own."""
+"""Bands of rows: each is drawn independently, in any thread."""
 
 import os
 from collections.abc import Callable
@@ -29,20 +29,20 @@ Lists = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
 
 
 class PackedScene(NamedTuple):
-    """A scene as the kernels need it."""
+    """A scene as tables for the kernels."""
 
     faces: Faces
     """Quads and triangles."""
     lights: NDArray[np.float64]
-    """Table of lights, (0, 7) where things are shown as printed."""
+    """Table of lights, (0, 7) if surfaces are shown as printed."""
     solids: Solids
-    """The meshes, which throw shadows."""
+    """The meshes, which cast shadows."""
     background: float
-    """Level where nothing is."""
+    """Grey level where nothing is."""
 
 
 def pack_scene(scene: Scene) -> PackedScene:
-    """Return a scene as the kernels need it."""
+    """Return a scene as tables for the kernels."""
     return PackedScene(
         faces_of(scene), pack_lights(scene.lights), solids_of(scene, quads=False), float(scene.background)
     )
@@ -86,7 +86,7 @@ def draw_mixed(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, 
 
 
 def new_lists(most: int) -> Lists:
-    """Return room for pieces of pixels: `polygons`, `pieces` and `shares` of `cut_mixed`."""
+    """Return memory for pieces of pixels: `polygons`, `pieces` and `shares` of `cut_mixed`."""
     return np.empty((most, MAX_VERTICES, 2)), np.empty((most, 4), np.int64), np.empty(most)
 
 

@@ -1,4 +1,4 @@
-"""Cells: the parts of a tile in which one face is seen and its texture coordinates are nearly linear."""
+"""Cells: parts of a band, by default its tiles, whose pixels have the same candidate faces."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ Rays = NDArray[np.float64]
 
 
 class Cells(NamedTuple):
-    """Who fills the pixels of a band, and who shares them."""
+    """Which face fills each pixel of a band, and which faces share it."""
 
     owners: NDArray[np.int64]
     """(h, w) face, NOTHING or MIXED."""
@@ -32,20 +32,20 @@ class Cells(NamedTuple):
 
 
 def cells_in_tiles(views: FaceViews, rays: Rays) -> Cells:
-    """Return what a band sees, each tile being a cell."""
+    """Return the cells of a band, one for each tile."""
     tiles = faces_in_tiles(views, rays, np.arange(views.sides.shape[1]))
     return cells_with_owners(views, rays, tile_cells(rays), tiles)
 
 
 class InCells(NamedTuple):
-    """Which faces each cell of a band may see."""
+    """Which faces may be visible in each cell of a band."""
 
     found: NDArray[np.int64]
     """(t, n) faces."""
     counts: NDArray[np.int64]
     """(t,) how many of them."""
     alone: NDArray[np.int64]
-    """(t,) owner of all its pixels, MIXED where they have to be looked at."""
+    """(t,) owner of all its pixels, MIXED where each pixel must be examined."""
 
 
 def tile_cells(rays: Rays) -> NDArray[np.int64]:
@@ -55,14 +55,14 @@ def tile_cells(rays: Rays) -> NDArray[np.int64]:
 
 
 def cells_with_owners(views: FaceViews, rays: Rays, cells: NDArray[np.int64], faces: InCells) -> Cells:
-    """Return what a band sees, given the (h, w) cell of each pixel."""
+    """Return the cells of a band with the owner of each pixel, given its (h, w) cell."""
     owners = np.empty_like(cells)
     find_owners(rays, views.sides, cells, *faces, owners)
     return Cells(owners, cells, faces.found, faces.counts)
 
 
 def faces_in_tiles(views: FaceViews, rays: Rays, faces: NDArray[np.int64]) -> InCells:
-    """Return which of some faces each tile of a band may see."""
+    """Return which of some faces may be visible in each tile of a band."""
     ranges, boxes = side_ranges(views), tile_boxes(rays)
     if len(faces) == 0:
         empty = np.zeros((len(boxes), 0), np.int64)
@@ -81,7 +81,7 @@ def side_ranges(views: FaceViews) -> NDArray[np.float64]:
 def faces_in_boxes(
     ranges: NDArray[np.float64], boxes: NDArray[np.float64], found: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> InCells:
-    """Return which of the faces found in (t, 6) boxes of directions may truly be seen there; see `find_faces`."""
+    """Return which of the faces found in (t, 6) boxes of directions are not hidden there; see `find_faces`."""
     found, counts, states = found.copy(), counts.copy(), np.zeros((len(boxes), found.shape[1] + 1), np.int64)
     find_faces(ranges, boxes, found, states, counts)
     first = np.concatenate([found, np.full((len(boxes), 1), NOTHING)], axis=1)[:, 0]
@@ -105,7 +105,7 @@ def _tile_ends(rays: Rays) -> NDArray[np.int64]:
 
 
 def count_splits(views: FaceViews, rays: Rays, cells: Cells) -> tuple[int, int]:
-    """Return into how many parts across and down pixels must be split for depth to be even in each."""
+    """Return into how many parts across and down pixels must be split so that depth is nearly constant in each."""
     ends = _tile_ends(rays)
     faces, seen = textured_in_tiles(views, cells)
     corners = rays[:: len(rays) - 1, ends] @ views.sides[0, faces, DEPTH].T
@@ -142,6 +142,6 @@ def split_rays(rays: Rays, across: int, down: int) -> Rays:
 
 
 def split_cells(cells: Cells, across: int, down: int) -> Cells:
-    """Return the cells of the parts of pixels: what fills or may be seen in a pixel, fills or may be seen in each."""
+    """Return the cells of the parts of pixels: each part has the owner and the candidates of its pixel."""
     owners, rows = (np.repeat(np.repeat(a, down, axis=0), across, axis=1) for a in cells[:2])
     return Cells(owners, rows, cells.found, cells.counts)

@@ -1,8 +1,8 @@
 """Kernel: pixels that several faces share, cut into the visible pieces of each.
 
 The visible part of a face is the pixel within its sides, less, for every other face, the region within that one's
-sides where it is nearer. Depth w is linear over a pixel, so that region is convex, whatever way faces overlap or
-intersect; what a subtraction leaves are convex pieces again.
+sides where it is nearer. Depth w is linear over a pixel, so that region is convex, however faces overlap or
+intersect; a subtraction leaves convex pieces again.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from peaksim.area.polygon import EMPTY, MAX_VERTICES, area_of, copy_polygon, cut
 from peaksim.kernel import kernel, part
 
 MAX_PIECES = 64
-"""Most pieces of one face in a pixel; smaller ones beyond are dropped."""
+"""Most pieces of one face in a pixel; further ones are dropped."""
 ROW, COLUMN, FACE, SIZE = 0, 1, 2, 3
 """Columns of a list of pieces: pixel, face, number of vertices."""
 
@@ -79,7 +79,7 @@ def subtract_region(pool, sizes, source, target, n, cutter, n_sides):
                 cut_polygon(pool, sizes, rest, cutter[side], 1.0, other)
                 rest, other = other, rest
         if abs(area_of(pool, rest, sizes[rest])) <= EMPTY:
-            m = first + 1  # nothing was taken away: the piece stays whole
+            m = first + 1  # nothing was removed: the piece stays whole
             copy_polygon(pool, sizes, source + k, target + first)
     return m
 
@@ -139,7 +139,7 @@ def cut_mixed(rays, sides, owners, cells, found, counts, background, first, poly
     Returns
     -------
     n, next
-        Number of pieces; the pixel to go on with if the lists were full, else h·w.
+        Number of pieces; the pixel to continue with if the lists were full, else h·w.
     """
     n_pieces = 0
     faces, lines = np.empty(found.shape[1], np.int64), np.empty((found.shape[1], DEPTH + 1, 3))

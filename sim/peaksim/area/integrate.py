@@ -1,6 +1,6 @@
-"""The area integral: every pixel is the mean of what it sees, in bands of rows that threads share.
+"""The area integral: every pixel is the mean of what it shows, in bands of rows that threads share.
 
-Which faces a pixel may see is found by interval arithmetic over tiles.
+Interval arithmetic over tiles finds the faces that a pixel may show.
 """
 
 from functools import lru_cache
@@ -23,7 +23,7 @@ def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64]) -> Level
     scene, camera
         What is packed, and by what.
     poses
-        (1, 4, 4) `world_from_camera`, or (h, 4, 4), one a row.
+        (1, 4, 4) `world_from_camera`, or (h, 4, 4), one for each row.
     """
     packed = pack_scene(scene)
     lattice = corner_rays(camera)

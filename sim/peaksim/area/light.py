@@ -1,7 +1,7 @@
 """Kernels: the multiplier of linear grey levels over pixels and pieces of pixels, with shadows from meshes.
 
-A multiplier is taken at the middle of a piece; where a mesh comes near the way from there to the light, samples of the
-piece tell which share is lit.
+A multiplier is computed at the middle of a piece; where a mesh comes near the ray from there to the light, samples of
+the piece tell which share is lit.
 """
 
 import numpy as np
@@ -18,9 +18,9 @@ KIND, INTENSITY, VECTOR, REFERENCE, SHADOWS = 0, 1, 2, 5, 6
 AMBIENT, DIRECTIONAL, POINT = 0, 1, 2
 _KINDS = {"ambient": AMBIENT, "directional": DIRECTIONAL, "point": POINT}
 _LIFT_M = 1e-5
-"""Ways to the light start this much above a surface, so that it does not shade itself."""
+"""Rays to the light start this much above a surface, so that it does not shade itself."""
 _FEW, _MANY = 16, 128
-"""Ways to a light for each triangle of a piece's fan: a few, and many where those are not of one mind."""
+"""Rays to a light for each triangle of a piece's fan: a few, and many where only some of those are blocked."""
 
 
 def pack_lights(lights: tuple[Light, ...]) -> NDArray[np.float64]:
@@ -44,7 +44,7 @@ def point_on_face(planes, face, u, v, point):
 
 @part
 def ray_to_light(lights, light, point, ray):
-    """Write the way from a point to a light; return its length, and the ray parameter at which the light is."""
+    """Write the ray from a point to a light; return its length, and the ray parameter at which the light is."""
     length = 0.0
     is_point = lights[light, KIND] == POINT
     for k in range(3):
@@ -144,7 +144,7 @@ def light_pieces(planes, faces, eyes, lights, boxes, links, solids, n, polygons,
     lights
         From `pack_lights`.
     boxes, links, solids
-        As in `Solids`: what throws shadows.
+        As in `Solids`: what casts shadows.
     n, polygons, pieces, shares
         As in `cut_mixed`.
     """

@@ -7,6 +7,7 @@ vertices in `sizes` (p,). A cut keeps a + b·s + c·t ≥ 0, a line of its three
 from peaksim.kernel import part
 
 MAX_VERTICES = 24
+"""Each cut adds one vertex at most; further ones are dropped."""
 EMPTY = 1e-9
 """Pieces smaller than this share of a pixel are dropped."""
 

@@ -11,9 +11,11 @@ from peaksim.kernel import kernel, part
 from peaksim.scene.scene import Mesh, Quad, Scene
 
 _LEAF = 4
+"""Most faces of a leaf; a choice of speed, which changes no result."""
 STACK = 128
-"""Boxes that wait while a tree is walked: more than any tree of 2⁶⁴ faces needs."""
+"""Boxes that wait while a tree is traversed: more than any tree of 2⁶⁴ faces needs."""
 _TIE = 1e-9
+"""Share of the distance within which two hits are in one plane, as `owner.TIE`."""
 
 U, V, QUAD = 3, 6, 9
 """Columns of `Solids.faces`: first corner at 0, first side, second side, 1 for a parallelogram."""
@@ -33,13 +35,13 @@ class Solids(NamedTuple):
 
 
 def solids_of(scene: Scene, *, quads: bool) -> Solids:
-    """Return the tree of a scene's meshes, with its quads if asked for."""
+    """Return the tree of a scene's meshes, with its quads if requested."""
     return _solids(scene.quads, scene.meshes, quads)
 
 
 @lru_cache(maxsize=2)
 def _solids(quads: tuple[Quad, ...], meshes: tuple[Mesh, ...], with_quads: bool) -> Solids:
-    """Return the tree; the frames of a film ask for the same ones, with other lights."""
+    """Return the tree; frames of one scene share it, whatever their lights."""
     squares = np.array([quad.corners_m[[0, 1, 3]] for quad in quads]).reshape(-1, 3, 3)
     corners = np.concatenate([squares, triangles_m(meshes)])
     ids = np.arange(len(corners))
@@ -63,7 +65,7 @@ def _split(bounds: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.f
     order = np.arange(len(bounds))
     spans = [(0, len(bounds))]
     links = [(0, len(bounds))]
-    for node, (first, last) in enumerate(spans):  # grows while it runs
+    for node, (first, last) in enumerate(spans):  # the list grows during the loop
         if last - first <= _LEAF:
             links[node] = (first, last - first)
             continue
@@ -117,7 +119,7 @@ def intersect_face(faces, face, origin, ray):
 
 @part
 def nearest_face(boxes, links, faces, ids, origin, ray, stack):
-    """Return (scene face, t) of what a ray sees first, (−1, inf) for nothing; of faces in one plane the later one."""
+    """Return (scene face, t) of what a ray meets first, (−1, inf) for nothing; of faces in one plane the later one."""
     best, best_t = -1, np.inf
     stack[0] = 0
     top = min(1, ids.size)

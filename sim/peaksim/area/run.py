@@ -1,6 +1,6 @@
 """Kernel: runs of pixels that one face fills, each the mean of the texture over the pixel's footprint.
 
-Neighbouring pixels share their edges' line integrals, so a pixel costs two edges and not four.
+Neighbouring pixels share the line integrals of their edges, so a pixel costs two edges instead of four.
 """
 
 from peaksim.area.faces import CONTRAST, DEPTH, LEVEL, PLANE, START, STRIDE

@@ -1,7 +1,7 @@
-"""Kernels: candidate faces from a picture that shows the number of the nearest face at samples of each pixel.
+"""Kernels: candidate faces from an image of the number of the nearest face at samples of each pixel.
 
 A tile's candidates are the faces shown in it and right beside it; where they are too many, each of its pixels has
-candidates of its own. `area_owner` and `area_cut` then tell exactly what fills a pixel. A pixel with too many
+candidates of its own. `owner` and `cut` then tell exactly what fills a pixel. A pixel with too many
 candidates is CROWDED: the mean of SAMPLES × SAMPLES parts, each filled by the face that is shown at its middle.
 """
 
@@ -68,13 +68,13 @@ def list_in_tiles(numbers, groups, touching, n_touching, boxes, found, counts):
     Parameters
     ----------
     numbers
-        (r, c) uint32 picture of numbers.
+        (r, c) uint32 image of numbers.
     groups
-        (f,) faces of one number ≥ 0 lie on each other, so that the picture may show one in another's place.
+        (f,) faces of one number ≥ 0 lie on each other, so that the image may show one instead of another.
     touching, n_touching
-        (t, n) and (t,) faces that have a group and may be seen in each tile, and their number.
+        (t, n) and (t,) faces that have a group and may be visible in each tile, and their number.
     boxes
-        (t, 6) least and largest (column, row, 1) of each tile in the picture of numbers.
+        (t, 6) least and largest (column, row, 1) of each tile in the image of numbers.
     found, counts
         (t, MOST_FACES + 1) and (t,) written: candidates, and their number; MOST_FACES + 1 if there are more.
     """
@@ -93,7 +93,7 @@ def list_in_pixels(numbers, groups, touching, n_touching, positions, tile, full,
     numbers, groups, touching, n_touching
         As in `list_in_tiles`.
     positions
-        (h + 1, w + 1, 3) (column, row, 1) of the pixel corners in the picture of numbers.
+        (h + 1, w + 1, 3) (column, row, 1) of the pixel corners in the image of numbers.
     tile
         Width of a tile, px.
     full

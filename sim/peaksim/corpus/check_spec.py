@@ -74,7 +74,7 @@ def _check_eyes(view: RandomView, room: RoomTable, field: str) -> None:
 
 
 def _check_marker(marker: MarkerTable, spread: MarkerSpread, room: RoomTable) -> None:
-    """Refuse shifts, turns and sizes that can push a marker out of the room: its farthest circle must be inside."""
+    """Refuse shifts, rotations and sizes that can push a marker out of the room: its farthest circle must be inside."""
     if spread == MarkerSpread(kinds=spread.kinds, keep=spread.keep):
         return
     shift = np.sqrt(2) * max(abs(limit) for limit in spread.shift_m.limits)

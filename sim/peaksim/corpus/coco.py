@@ -1,7 +1,7 @@
 """COCO key points (cocodataset.org/#format-data): one category for each kind of marker.
 
 Key points are in COCO's pixel convention, which is ours: whole numbers are pixel centres. Boxes, polygons and areas
-are in COCO's too, where the picture's top-left corner is (0, 0), so they are ours + ½.
+are too, where the image's top-left corner is (0, 0), so they are ours + ½.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +24,7 @@ _SKELETON = [[2, 3], [3, 4], [4, 5], [5, 2]]
 
 @contextmanager
 def coco_writer(file: Writing, spec: CorpusSpec, kinds: Sequence[str]) -> Iterator[Callable[[Record], None]]:
-    """Give a function that adds a frame to a COCO file.
+    """Yield a function that adds a frame to a COCO file.
 
     `kinds` are all of the corpus, so that category numbers agree between its parts.
     """

@@ -1,7 +1,7 @@
 """A COLMAP text model (colmap.github.io/format.html): cameras, images, and the markers' points as its 3-D points.
 
 COLMAP's pixel centres are at +½, its poses camera from world. Points belong to a sequence: the same marker is
-another five points in the next one, whose scene may have moved it.
+five other points in the next one, whose scene may have moved it.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -33,9 +33,9 @@ Points = dict[tuple[str, int], _TrackedPoint]
 def colmap_writer(
     cameras: Writing, images: Writing, points: Writing, spec: CorpusSpec
 ) -> Iterator[Callable[[Record], None]]:
-    """Give a function that adds a frame to the files cameras.txt, images.txt and points3D.txt.
+    """Yield a function that adds a frame to the files cameras.txt, images.txt and points3D.txt.
 
-    Frames of one sequence come one after another.
+    Frames of one sequence follow one another.
     """
     camera_numbers: dict[str, int] = {}
     current: Points = {}
@@ -74,7 +74,7 @@ def _brown(k: list[float]) -> tuple[str, list[float]]:
 
 
 def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, first_point: int) -> str:
-    """Return an image's two lines, and add what it sees to the points' tracks; new points count from `first_point`."""
+    """Return an image's two lines, and add its visible points to their tracks; new points count from `first_point`."""
     number = record["frame"] + 1
     pose = invert(np.array(record["world_from_camera"]))
     x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)

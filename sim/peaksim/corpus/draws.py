@@ -1,7 +1,7 @@
 """Random numbers of a corpus: each field of each frame or sequence has its own, derived from the seed.
 
-A number is a hash of what it is for, which makes it the same on every machine and in whichever order it is asked
-for, and leaves all others as they are when a field is added.
+A number is a hash of what it is for, which makes it the same on every machine and in whichever order numbers
+are drawn, and leaves all others as they are when a field is added.
 """
 
 from dataclasses import dataclass

@@ -21,17 +21,17 @@ from peaksim.corpus.store.opening import open_store
 from peaksim.corpus.write import Job, write_part, write_shard
 from peaksim.rendering import render
 
-_PROBE_PX = 16  # width of the picture that tells which renderer there is
+_PROBE_PX = 16  # width of the image that tells which renderer is available
 
 
 @dataclass(frozen=True)
 class Made:
-    """What a run did."""
+    """The result of a run."""
 
     frames: int
     """In the corpus."""
     rendered: int
-    """By this run; the others were there."""
+    """By this run; the others existed."""
     configuration: Configuration
     """As corpus.json has it."""
 
@@ -63,7 +63,7 @@ def make_corpus(
     InputError
         One line: the specification contradicts itself, the destination holds something else or cannot be written.
     RendererError
-        If rendering fails, or the machine that goes on has another OpenGL renderer than the one that began.
+        If rendering fails, or the machine that resumes has another OpenGL renderer than the one that began.
     """
     check_spec(spec, folder)
     backend = backend or in_process()
@@ -82,7 +82,7 @@ def make_corpus(
 
 
 def _probe(spec: CorpusSpec, folder: Path, backend: Backend) -> tuple[str, str | None]:
-    """Return which renderer draws all frames: on this machine the workers have its own."""
+    """Return which renderer draws all frames; workers on this machine have the same one."""
     if spec.renderer == "exact":
         return "exact", None
     where = in_process() if backend.is_here else backend
@@ -91,7 +91,7 @@ def _probe(spec: CorpusSpec, folder: Path, backend: Backend) -> tuple[str, str |
 
 
 def probe_renderer(spec_json: str, folder: str, frame: int) -> tuple[str, str | None]:
-    """Return renderer and OpenGL's renderer string, found by drawing a frame very small."""
+    """Return renderer and OpenGL's renderer string, found by drawing a tiny frame."""
     plan = plan_frame(spec := spec_from_json(spec_json), Path(folder), frame)
     small = resized(plan.camera, _PROBE_PX / plan.camera.width)
     drawn = render(plan.scene, small, plan.world_from_camera, renderer=spec.renderer)

@@ -42,13 +42,13 @@ class Sequence:
     setup: Setup
     """The scene as varied for this sequence, with the file's own camera, trajectory and sensor."""
     room: RoomTable | None
-    """Which the camera may not leave."""
+    """Room that the camera may not leave."""
     camera: NamedCamera
-    """Which takes the pictures."""
+    """Camera of all its frames."""
     view: AnyView
     """How poses are drawn."""
     trajectory: Trajectory
-    """What flights follow."""
+    """Trajectory that flights follow."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class FramePlan:
     index: int
     """From 0."""
     sequence: Sequence
-    """Which it belongs to."""
+    """Sequence that it belongs to."""
     scene: Scene
     """With this frame's lights."""
     world_from_camera: Pose
@@ -68,11 +68,11 @@ class FramePlan:
     sensor: Sensor
     """This frame's settings."""
     seed: int
-    """The corpus's."""
+    """Seed of the corpus."""
 
     @property
     def camera(self) -> Camera:
-        """The camera that takes it."""
+        """Camera of the sequence."""
         return self.sequence.camera.camera
 
     def noise(self) -> np.random.Generator:
@@ -86,7 +86,7 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
     Raises
     ------
     SceneError
-        One line that names the frame, if nothing fits what the specification asks for.
+        One line that names the frame, if no view fulfils the specification.
     """
     sequence = open_sequence(spec, folder, index // spec.sequence_frames)
     try:
@@ -105,11 +105,11 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
 
 
 def _view(spec: CorpusSpec, sequence: Sequence, index: int, attempts: int) -> tuple[Pose, float, Draws]:
-    """Draw views until one is in the room and sees as many markers as asked for."""
+    """Draw views until one is in the room and shows as many markers as the view needs."""
     setup, view, camera = sequence.setup, sequence.view, sequence.camera.camera
     position = (index % spec.sequence_frames) / max(1, spec.sequence_frames - 1)
     room = None if sequence.room is None else (np.array(sequence.room.min_m), np.array(sequence.room.max_m))
-    furniture = () if isinstance(view, FlightView) else setup.scene.meshes  # a flight knows where it may pass
+    furniture = () if isinstance(view, FlightView) else setup.scene.meshes  # flights may pass anywhere
     for attempt in range(attempts):
         draws = frame_draws(spec.seed, index, attempt)
         try:
@@ -161,7 +161,7 @@ def _sensor(sensor: Sensor, spec: CorpusSpec, draws: Draws, sequence: int) -> Se
 
 @lru_cache(maxsize=2)
 def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
-    """Draw and build a sequence; the last two are kept, as neighbouring frames share them.
+    """Draw and build a sequence; the last two are cached, as neighbouring frames share them.
 
     Raises
     ------

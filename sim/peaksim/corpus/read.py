@@ -1,4 +1,4 @@
-"""Reading a corpus: pictures and records by frame number, whether they lie loose or in shards."""
+"""Reading a corpus: images and records by frame number, from loose files or from shards."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from peaksim.errors import InputError
 
 @dataclass(frozen=True)
 class Corpus:
-    """An opened corpus; frames are read when asked for."""
+    """An opened corpus; frames are read on demand."""
 
     store: Store
-    """Where it lies."""
+    """Its files."""
     configuration: Configuration
     """What made it."""
 
@@ -49,7 +49,7 @@ class Corpus:
         return list(read_records(self.store, shard))[frame % spec.store.shard_frames]
 
     def picture(self, frame: int) -> NDArray[np.uint8]:
-        """Return a frame's picture, (H, W) grey or (H, W, 3) RGB.
+        """Return a frame's image, (H, W) grey or (H, W, 3) RGB.
 
         Raises
         ------

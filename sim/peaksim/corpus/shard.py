@@ -1,4 +1,4 @@
-"""WebDataset shards: tar files with NAME.png and NAME.json for each frame, of the same bytes whenever they are made."""
+"""WebDataset shards: tar files with NAME.png and NAME.json for each frame, always of the same bytes."""
 
 import tarfile
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ class Shard:
 
 @contextmanager
 def shard_in(file: Writing) -> Iterator[Shard]:
-    """Give a shard that is closed when the block ends well."""
+    """Yield a shard that is closed when the block ends without an exception."""
     shard = Shard(file)
     yield shard
     shard.close()

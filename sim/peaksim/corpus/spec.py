@@ -27,14 +27,14 @@ def spread_field(value: Any) -> Any:
 
 
 class PictureTable(StrictTable):
-    """`[pictures]`: how pictures are written."""
+    """`[pictures]`: how images are encoded."""
 
     format: Literal["png", "jpeg"] = "png"
     quality: Annotated[int, Field(ge=1, le=100)] = 95
 
 
 class StoreTable(StrictTable):
-    """`[store]`: which files hold them."""
+    """`[store]`: which files hold images and records."""
 
     files: bool = True
     shards: bool = True
@@ -137,7 +137,7 @@ class MarkerSpread(StrictTable):
 
 
 class ClutterSpread(StrictTable):
-    """`[clutter]`: things that are no markers, on the room's floor."""
+    """`[clutter]`: objects that are not markers, on the room's floor."""
 
     papers: Count = spread_field(0)
     paper_m: Length = spread_field((0.05, 0.3))
@@ -155,7 +155,7 @@ class TextureSpread(StrictTable):
 
 
 class LightSpread(StrictTable):
-    """`[light]`: replaces the scene's lights; the multipliers of `peaksim.scene.Light`."""
+    """`[light]`: replaces the scene's lights; the multipliers of `peaksim.Light`."""
 
     per: Literal["frame", "sequence"] = "frame"
     ambient: Factor

@@ -1,4 +1,4 @@
-"""Spreads: how a number of a corpus varies, as a file states it and as one uniform number picks it.
+"""Spreads: how a number of a corpus varies, as a file states it, and its value for a uniform number.
 
 In a file a spread is a number (always the same), a pair `[low, high]` (uniform), or one of the tables
 `{ uniform = [low, high] }`, `{ log_uniform = [low, high] }`, `{ integers = [low, high] }` (both included),
@@ -138,4 +138,4 @@ Factor = Annotated[Spread, AfterValidator(_within(0, 100))]
 Level = Annotated[Spread, AfterValidator(_within(0, 255))]
 """A grey level."""
 Count = Annotated[Spread, AfterValidator(_within(0, 10_000, whole=True))]
-"""A whole number of things."""
+"""A whole number of objects."""

@@ -21,7 +21,7 @@ _ROW_GROUP = 20_000  # rows that are held in memory
 
 @contextmanager
 def parquet_writer(file: Writing, columns: dict[str, str]) -> Iterator[Callable[[Row], None]]:
-    """Give a function that adds a row to a Parquet file; `columns` gives each one's Arrow type, such as "int64"."""
+    """Yield a function that adds a row to a Parquet file; `columns` gives each one's Arrow type, such as "int64"."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,7 +1,7 @@
 """The two kinds of work that make a corpus: rendering a shard of frames, and making the tables of a part.
 
 Both are functions of plain strings and a number, so that any process anywhere can do them; both write their check
-sums last, so that what is finished can be told from what lies there.
+sums last, so that finished shards and parts can be told from unfinished ones.
 """
 
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ class Job:
 
 
 class Sums:
-    """Writes files and keeps their check sums, in the order of writing."""
+    """Writes files and collects their check sums, in the order of writing."""
 
     def __init__(self, store: Store) -> None:
         self.store = store
@@ -46,7 +46,7 @@ class Sums:
 
     @contextmanager
     def create(self, name: str) -> Iterator[Writing]:
-        """Give a file to write, and note its check sum when it is finished."""
+        """Yield a file to write, and note its check sum when it is finished."""
         with self.store.create(name) as file:
             yield file
         self.note(name, file.sha256)
@@ -92,7 +92,7 @@ def open_job(job: Job) -> tuple[Store, Configuration]:
 def write_shard(job: Job, shard: int) -> tuple[int, int]:
     """Render a shard's missing frames and write its files; return its number and how many frames were rendered.
 
-    Doing it again, also at the same time elsewhere, writes the same bytes.
+    Repeating it, also at the same time elsewhere, writes the same bytes.
     """
     with _ONE_AT_A_TIME:
         store, configuration = open_job(job)
@@ -117,11 +117,11 @@ def _write_shard(store: Store, configuration: Configuration, folder: Path, shard
                 if spec.store.files:
                     _write_files(store, configuration, index, sample)
             if spec.store.files:
-                sums.note(layout.image_name(spec, index), sha256(sample.picture).hexdigest())
+                sums.note(layout.image_name(spec, index), sha256(sample.image).hexdigest())
                 sums.note(layout.record_name(spec, index), sha256(sample.record).hexdigest())
             records.write(sample.record)
             if archive is not None:
-                archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.picture)
+                archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.image)
                 archive.add(f"{layout.frame_key(index)}.json", sample.record)
     if spec.store.files:
         store.settle(
@@ -146,8 +146,8 @@ def _render(configuration: Configuration, folder: Path, index: int) -> Sample:
 
 
 def _write_files(store: Store, configuration: Configuration, index: int, sample: Sample) -> None:
-    """Write the picture, then the record that vouches for it; what a loss of power tears does not fit together."""
-    write_file(store, layout.image_name(configuration.spec, index), sample.picture, lasting=False)
+    """Write the image, then the record that vouches for it; files torn by a loss of power do not match."""
+    write_file(store, layout.image_name(configuration.spec, index), sample.image, lasting=False)
     write_file(store, layout.record_name(configuration.spec, index), sample.record, lasting=False)
 
 
@@ -161,7 +161,7 @@ def read_finished(store: Store, configuration: Configuration, index: int, there:
         record = from_line(sample.record, names[1])
     except InputError:
         return None
-    intact = sha256(sample.picture).hexdigest() == record.get("picture_sha256") and sample.record.endswith(b"\n")
+    intact = sha256(sample.image).hexdigest() == record.get("picture_sha256") and sample.record.endswith(b"\n")
     return sample if intact else None
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, interpolate, rigid
 
-_UNIT_TOLERANCE = 1e-3  # of quaternions: files carry few decimals
+_UNIT_TOLERANCE = 1e-3  # of quaternions: files have few decimals
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def from_quaternions(times_s: ArrayLike, positions_m: ArrayLike, quaternions_xyz
     Raises
     ------
     SceneError
-        If a quaternion's length is off 1 by more than 10⁻³.
+        If a quaternion's length differs from 1 by more than 10⁻³.
     """
     quaternions = np.asarray(quaternions_xyzw, dtype=np.float64).reshape(-1, 4)
     lengths = np.linalg.norm(quaternions, axis=1)

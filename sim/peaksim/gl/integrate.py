@@ -1,7 +1,7 @@
 """The renderer that finds what is visible with OpenGL, which draws the numbers of the faces.
 
-Textures, edges, light and shadow are then integrated by the exact kernels, which look only at the faces that are shown
-in a pixel: what hides behind others costs nothing.
+The exact kernels then integrate textures, edges, light and shadow over the faces that are shown in a pixel: hidden
+faces cost nothing.
 """
 
 from functools import lru_cache
@@ -44,10 +44,11 @@ from peaksim.scene.scene import Quad, Scene
 __all__ = ["gl_renderer", "integrate", "is_available"]
 
 NEAREST_M = 1e-3
-"""What is nearer to the camera is not drawn."""
+"""Faces nearer to the camera are not drawn."""
 TOUCH_M = 1e-3
-"""Quads that lie this close to one plane touch: OpenGL may show one in another's place."""
+"""Quads that lie this close to one plane touch: OpenGL may show one instead of another."""
 _CROWDED_AT_ONCE = 512
+"""Crowded pixels that are cut before their pieces are added up: 3 MB of memory."""
 
 
 def integrate(scene: Scene, camera: Camera, world_from_camera: Pose) -> Levels:
@@ -132,7 +133,7 @@ def window_positions(rays: Rays, samples_from_camera: NDArray[np.float64]) -> Ra
 
 
 def cells_shown(views: FaceViews, rays: Rays, positions: Rays, shown: Shown) -> Cells:
-    """Return what a band sees; a cell is a tile, or a pixel where many faces are shown in its tile."""
+    """Return the cells of a band: tiles, or single pixels where many faces are shown in their tile."""
     touching_faces = faces_in_tiles(views, rays, np.flatnonzero(shown.groups >= 0))
     hints = shown.numbers, shown.groups, *touching_faces[:2]
     boxes, cells = tile_boxes(positions), tile_cells(rays)

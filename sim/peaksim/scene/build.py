@@ -21,7 +21,7 @@ from peaksim.scene import schema as schema
 from peaksim.scene.scene import Light, Mark, Mesh, Quad
 from peaksim.scene.texture import Texture
 
-_LARGEST_TEXTURE = 200_000_000  # texels of one papered surface
+_LARGEST_TEXTURE = 200_000_000  # texels of one papered surface, refused before they are made
 _WHITE = 255
 
 
@@ -74,7 +74,7 @@ def _load_texture(name: str, table: schema.TextureTable, variant: str | None, fo
 
 
 def _find_image(file: str, folder: Path, field: str) -> Path:
-    """Return a picture beside the scene file, or else among the shipped assets."""
+    """Return an image file beside the scene file, or else among the shipped assets."""
     beside = folder / file
     return shipped.file_inside(folder if beside.is_file() else shipped.ASSETS, file, field)
 
@@ -85,7 +85,7 @@ def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     except InputError as error:
         raise SceneError(f"{field}: {error}") from error
     if photo.dtype != np.uint8:
-        raise SceneError(f"{field}: expected an 8-bit picture, got {photo.dtype}")
+        raise SceneError(f"{field}: expected an 8-bit image, got {photo.dtype}")
     return np.asarray(photo, dtype=np.uint8)
 
 
@@ -96,11 +96,11 @@ def scale_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None
     return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
 
 
-# --- flat things ----------------------------------------------------------------------------------------------
+# --- flat surfaces ----------------------------------------------------------------------------------------------
 
 
 def quad_pose(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) -> Pose:
-    """Return `world_from_quad` of a quad whose printed face looks along `normal` and whose top is towards `up`."""
+    """Return `world_from_quad` of a quad whose printed face points along `normal` and whose top is towards `up`."""
     z = np.asarray(normal, dtype=np.float64)
     x = np.cross(np.asarray(up, dtype=np.float64), z)
     if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
@@ -183,12 +183,12 @@ def _tile(kind: str, border: int) -> Texture:
 
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
-    """Return the (side, side) picture of a shipped marker."""
-    picture = shipped.ASSETS / "markers" / f"{kind}.png"
-    if not picture.is_file():
-        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
+    """Return the (side, side) image of a shipped marker."""
+    file = shipped.ASSETS / "markers" / f"{kind}.png"
+    if not file.is_file():
+        known = ", ".join(sorted(p.stem for p in file.parent.glob("*.png")))
         raise SceneError(f"{field}: expected one of {known}, got {kind!r}")
-    return _read_photo(picture, field)
+    return _read_photo(file, field)
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
@@ -196,8 +196,8 @@ def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
     curve = FloorPath(np.array(path.waypoints_m))
     arc = np.linspace(0, curve.length_m, path.count)
     return [
-        compose(rotation_about("z", turn), [*xy, path.height_m])
-        for xy, turn in zip(curve.at(arc), np.degrees(curve.heading_rad(arc)) - 90, strict=True)
+        compose(rotation_about("z", yaw_deg), [*xy, path.height_m])
+        for xy, yaw_deg in zip(curve.at(arc), np.degrees(curve.heading_rad(arc)) - 90, strict=True)
     ]
 
 
@@ -218,7 +218,7 @@ def check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
 
 
 def build_meshes(boxes: tuple[schema.BoxTable, ...], tables: tuple[schema.DeskTable, ...]) -> tuple[Mesh, ...]:
-    """Return the boxes and tables as triangle meshes."""
+    """Return the boxes and desks as triangle meshes."""
     solids = [_mesh(table, [(table.size_m, (0.0, 0.0, table.size_m[2] / 2))]) for table in boxes]
     return (*solids, *(_mesh(table, list(_desk_parts(table))) for table in tables))
 
@@ -277,7 +277,7 @@ def _base_camera(table: schema.CameraTable) -> Camera:
 
 
 def build_trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
-    """Return the camera's way through the waypoints."""
+    """Return the camera's trajectory through the waypoints."""
     poses = []
     for i, table in enumerate(tables):
         try:
@@ -288,7 +288,7 @@ def build_trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
 
 
 def check_camera(tables: tuple[schema.WaypointTable, ...], room: schema.RoomTable | None) -> None:
-    """Refuse a camera outside the room, under its floor for instance."""
+    """Refuse a camera outside the room, for instance under its floor."""
     for i, table in enumerate(tables):
         if room is not None and not (np.less(room.min_m, table.eye_m) & np.less(table.eye_m, room.max_m)).all():
             raise SceneError(

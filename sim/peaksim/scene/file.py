@@ -26,9 +26,9 @@ class Setup:
     camera: Camera
     """The camera."""
     trajectory: Trajectory
-    """Where the camera is over time; one waypoint for a still view."""
+    """Pose of the camera over time; one waypoint for a still view."""
     sensor: Sensor
-    """What happens to the picture after the lens."""
+    """What turns linear grey levels into the image."""
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.scene, self.camera, self.trajectory))
@@ -57,12 +57,12 @@ def load_scene(path: str | Path, variants: Mapping[str, str] | None = None) -> S
 
 
 def read_table(path: str | Path) -> tuple[SceneTable, Path]:
-    """Return what a scene file states, and the folder beside whose pictures it is.
+    """Return what a scene file states, and its folder, which its image files are relative to.
 
     Raises
     ------
     SceneError
-        As `load_scene`; that textures and markers exist is not checked yet.
+        As `load_scene`; whether textures and markers exist is not checked yet.
     """
     file = find_scene(path)
     return validate(SceneTable, parse_toml(file), str(file)), file.parent
@@ -75,7 +75,7 @@ def find_scene(path: str | Path) -> Path:
 
 
 def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | None = None) -> Setup:
-    """Build what a scene table states; pictures are looked for in `folder`, then among the assets.
+    """Build what a scene table states; image files are searched in `folder`, then among the assets.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`[[posters]]` → quads: markers composed texel by texel, so that pictures and truth agree to the last digit."""
+"""`[[posters]]` → quads: markers composed texel by texel, so that images and truth agree to the last digit."""
 
 from collections.abc import Iterator
 
@@ -38,7 +38,7 @@ def poster_copies(table: schema.PosterTable, field: str) -> Iterator[Quad]:
 def print_poster(table: schema.PosterTable, field: str) -> tuple[Texture, tuple[float, float], tuple[Mark, ...]]:
     """Return a poster's texture, its size in metres and its marks, named r0c0 … by row and column.
 
-    A texel is the marker pattern's own; paper size and places are rounded to whole texels.
+    Texels are those of the marker patterns; paper size and positions are rounded to whole texels.
     """
     patterns = {letter: marker_pattern(kind, f"{field}.kinds.{letter}") for letter, kind in table.kinds.items()}
     sides = {len(pattern) for pattern in patterns.values()}

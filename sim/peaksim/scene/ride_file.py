@@ -83,7 +83,7 @@ class RideTable(StrictTable):
 def load_ride(
     path: str | Path, scene: str | None = None, texture: str | None = None, seed: int = 0
 ) -> tuple[Setup, Ride]:
-    """Read a trajectory and the scene it leads through.
+    """Read a ride and the scene that it leads through.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def load_ride(
     SceneError
         One line that names the file, the field, what was expected and what came; also where the camera leaves the room.
     """
-    file = _find(path)
+    file = _find_ride(path)
     table = validate(RideTable, parse_toml(file), str(path)) if file.suffix == ".toml" else None
     named = scene or (table.scene if table else None)
     if named is None:
@@ -109,19 +109,19 @@ def load_ride(
     setup = load_scene(named, {} if texture is None else {"floor": texture})
     layout = read_table(named)[0]
     try:
-        ride = _ride(table, setup, layout, seed) if table else _poses(file, setup)
+        ride = _ride(table, setup, layout, seed) if table else _ride_on_poses(file, setup)
         _check_inside(ride, layout)
     except InputError as error:
         raise SceneError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
     return setup, ride
 
 
-def _find(path: str | Path) -> Path:
+def _find_ride(path: str | Path) -> Path:
     shipped_file = TRAJECTORIES / f"{path}.toml"
     return shipped_file if Path(path).name == str(path) and shipped_file.is_file() else Path(path)
 
 
-def _poses(file: Path, setup: Setup) -> Ride:
+def _ride_on_poses(file: Path, setup: Setup) -> Ride:
     trajectory = load_trajectory(file)
     rate = (len(trajectory) - 1) / trajectory.duration_s if len(trajectory) > 1 else 1.0
     return Ride(trajectory, rate, setup.camera, setup.sensor)
@@ -165,17 +165,17 @@ def _check_inside(ride: Ride, layout: SceneTable) -> None:
     if layout.room is None:
         return
     low, high = np.array(layout.room.min_m), np.array(layout.room.max_m)
-    for time in ride.trajectory.frame_times_s(ride.frames_per_second):
-        eye = ride.trajectory.at(float(time))[:3, 3]
+    times = ride.trajectory.frame_times_s(ride.frames_per_second)
+    for time, eye in zip(times, ride.trajectory.poses_at(times)[:, :3, 3], strict=True):
         if not ((low < eye) & (eye < high)).all():
-            place = ", ".join(f"{c:.3g}" for c in eye)
+            position = ", ".join(f"{c:.3g}" for c in eye)
             raise SceneError(
-                f"expected a camera inside the room {low.tolist()}…{high.tolist()}, at {time:.3g} s it is at ({place})"
+                f"expected a camera inside the room {low.tolist()}…{high.tolist()}, "
+                f"at {time:.3g} s it is at ({position})"
             )
 
 
 def shortened(ride: Ride, frames: int) -> Ride:
     """Return the first frames of a ride."""
     times = ride.trajectory.frame_times_s(ride.frames_per_second)[:frames]
-    poses = np.stack([ride.trajectory.at(float(t)) for t in times])
-    return replace(ride, trajectory=Trajectory(times, poses))
+    return replace(ride, trajectory=Trajectory(times, ride.trajectory.poses_at(times)))

@@ -16,7 +16,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
 
 
 class StrictTable(BaseModel):
-    """A table of the file: unknown fields are errors, values are never converted silently."""
+    """A table of a TOML file: unknown fields are errors, values are never converted silently."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -130,7 +130,7 @@ class MarkerPathTable(StrictTable):
 
 
 class PosterTable(StrictTable):
-    """`[[posters]]`: paper with a grid of markers of one size, hung up once or several times side by side."""
+    """`[[posters]]`: paper with a grid of markers of one size, hung once or several times side by side."""
 
     name: Name
     paper_m: tuple[Positive, Positive] = (0.210, 0.297)

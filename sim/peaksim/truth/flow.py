@@ -1,4 +1,4 @@
-"""Optical flow between two pictures of one scene, from depth and projection; nothing is estimated."""
+"""Optical flow between two images of one scene, from depth and projection; nothing is estimated."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,18 @@ from peaksim.camera.shutter import PosedCamera
 from peaksim.scene.scene import Scene
 
 _SAME_DEPTH = 1e-4
+"""Share of a distance by which two surfaces count as one: the depth is float32, good to 10⁻⁷."""
 
 
 @dataclass(frozen=True)
 class Flow:
-    """Where what the first picture shows lies in the second one."""
+    """Where each point of the first image lies in the second one."""
 
     xy: NDArray[np.float32]
-    """(H, W, 2) motion from each pixel centre, px; nan where the first picture shows nothing, or the second camera
-    cannot see that way."""
+    """(H, W, 2) motion from each pixel centre, px; nan where the first image shows nothing, or the second camera
+    cannot see in that direction."""
     visible: NDArray[np.bool_]
-    """(H, W) whether the point is inside the second picture, and nothing there hides it."""
+    """(H, W) whether the point is inside the second image, and nothing there hides it."""
 
 
 def optical_flow(scene: Scene, first: Frame, second: Frame) -> Flow:
@@ -48,7 +49,7 @@ def surface_points(frame: Frame) -> NDArray[np.float64]:
 def _is_seen(
     scene: Scene, posed: PosedCamera, points: NDArray[np.float64], xy: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Return (n,) whether a picture shows world points at their places in it."""
+    """Return (n,) whether an image shows world points at their (n, 2) px."""
     seen = posed.camera.contains(xy)
     eyes = np.broadcast_to(posed.row_poses(xy[seen, 1])[:, :3, 3], (int(seen.sum()), 3))
     reached = first_faces(solids_of(scene, quads=True), eyes, points[seen] - eyes)[1]

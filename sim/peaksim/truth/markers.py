@@ -1,4 +1,4 @@
-"""Where every marker truly is in a picture, from the posed's own projection and exact ray casting."""
+"""Where every marker is in an image, from the posed camera's own projection and exact ray casting."""
 
 from typing import TYPE_CHECKING
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from peaksim.area.rays import Solids
 
 _SAMPLES = 48
-"""Points along each side of a marker at which its visibility is asked: 2304 in all, an error of about 0.004."""
+"""Points along each side of a marker at which its visibility is tested: 2304 in all, an error of about 0.004."""
 _IN_PLANE_M = 1e-12
 """Faces closer than this are in one plane."""
 _MOMENTS = 32
-"""Moments of the exposure at which a centre is asked for."""
+"""Moments of the exposure at which a centre is projected."""
 
 
 def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
@@ -73,9 +73,9 @@ def projection_blur(
     moments: tuple[PosedCamera, ...], points_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (n, 2) mean and (n, 2, 2) covariance of the projections of (n, 3) points over some moments."""
-    ways = np.stack([moment.project(points_m) for moment in moments])
-    away = ways - ways.mean(axis=0)
-    return ways.mean(axis=0), np.einsum("tni,tnj->nij", away, away) / len(ways)
+    paths_xy = np.stack([moment.project(points_m) for moment in moments])
+    away = paths_xy - paths_xy.mean(axis=0)
+    return paths_xy.mean(axis=0), np.einsum("tni,tnj->nij", away, away) / len(paths_xy)
 
 
 # --- what is hidden -------------------------------------------------------------------------------------------
@@ -115,7 +115,7 @@ def faces_before(faces: NDArray[np.float64], number: int) -> NDArray[np.float64]
 
 
 def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float | None:
-    """Return the share of a rectangle's image area that is in the picture, None where its sides bend or pass us."""
+    """Return the share of a rectangle's image area in the image, None where its sides bend or pass behind us."""
     if _is_inside(posed, corners_xy):
         return 1.0
     if posed.is_rolling or not posed.camera.is_pinhole or not np.isfinite(corners_xy).all():
@@ -133,7 +133,7 @@ def _is_hidden(
 
 
 def _may_be_seen(posed: PosedCamera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
-    """Return whether a rectangle may be in the picture; False is certain."""
+    """Return whether a rectangle may be in the image; False is certain."""
     camera = posed.camera
     if posed.is_rolling:
         return True
@@ -145,7 +145,7 @@ def _may_be_seen(posed: PosedCamera, in_camera: NDArray[np.float64], corners_xy:
 
 
 def _is_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> bool:
-    """Return whether a rectangle is certainly wholly in the picture."""
+    """Return whether a rectangle is certainly in the image as a whole."""
     camera = posed.camera
     low, high = _bounds(camera, corners_xy, bends=posed.is_rolling or not camera.is_pinhole)
     end = np.array([camera.width, camera.height]) - 0.5
@@ -155,9 +155,9 @@ def _is_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> bool:
 def _bounds(
     camera: Camera, corners_xy: NDArray[np.float64], bends: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the upper left and lower right of a box around a rectangle's picture; nan where that is not certain.
+    """Return the upper left and lower right of a box around a rectangle's image; nan where that is not certain.
 
-    A lens or a rolling shutter bends the sides of a rectangle that is small in the picture by far less than a quarter
+    A lens or a rolling shutter bends the sides of a rectangle that is small in the image by far less than a quarter
     of its diameter.
     """
     low, high = corners_xy.min(axis=0), corners_xy.max(axis=0)
@@ -200,7 +200,7 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def visible_fraction(posed: PosedCamera, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
-    """Return the share of a rectangle's image area that is inside the picture and in front of all else.
+    """Return the share of a rectangle's image area that is inside the image and in front of all else.
 
     The rectangle is sampled evenly; each sample counts by the image area that it stands for.
     """

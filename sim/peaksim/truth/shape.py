@@ -1,4 +1,4 @@
-"""The shape of a printed square in the picture: its affinity at the centre, and the ellipse of its circle."""
+"""The shape of a printed square in the image: its affinity at the centre, and the ellipse of its circle."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +9,9 @@ from peaksim.camera.shutter import PosedCamera
 _STEP = 1e-4
 """Step of central differences, in sides."""
 _POINTS = 48
-_TURNS = 2 * np.pi * np.arange(_POINTS) / _POINTS
-_CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
+"""Corners of the regular polygon that stands for a circle."""
+_ANGLES = 2 * np.pi * np.arange(_POINTS) / _POINTS
+_CIRCLE = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / 2
 # second moments per area of a regular polygon to those of its circle
 _SPREAD = (2 + np.cos(2 * np.pi / _POINTS)) / 3
 
@@ -25,9 +26,9 @@ def affinities(posed: PosedCamera, corners_m: NDArray[np.float64]) -> NDArray[np
 
 
 def ellipses(posed: PosedCamera, corners_m: NDArray[np.float64]) -> tuple[Ellipse, ...]:
-    """Return the picture of the circle inscribed in each of (n, 4, 3) squares, nan where part of it is not seen.
+    """Return the image of the circle inscribed in each of (n, 4, 3) squares, nan where part of it is behind the camera.
 
-    Through a pinhole a circle's picture is an ellipse; through a lens, or with a rolling shutter, this is the ellipse
+    Through a pinhole a circle's image is an ellipse; through a lens, or with a rolling shutter, this is the ellipse
     of the same centroid and second moments.
     """
     x, y = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 3] - corners_m[:, 0]

@@ -1,4 +1,4 @@
-"""What is seen at each pixel's centre: depth, ids and normals, by one exact ray each."""
+"""The surface at each pixel's centre: depth, ids and normals, by one exact ray each."""
 
 import numpy as np
 from numpy.typing import NDArray

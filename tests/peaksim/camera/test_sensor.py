@@ -31,17 +31,17 @@ def test_noise_is_seeded_and_a_quiet_sensor_draws_nothing() -> None:
 
 
 def test_read_noise_has_the_stated_sigma_and_no_bias() -> None:
-    picture = capture_image(FLAT, Sensor(read_noise=5.0), rng()).astype(float)
-    assert picture.mean() == pytest.approx(100.25, abs=4 * 5 / np.sqrt(FLAT.size))
-    assert picture.std() == pytest.approx(np.sqrt(25 + 1 / 12), rel=0.01)
+    image = capture_image(FLAT, Sensor(read_noise=5.0), rng()).astype(float)
+    assert image.mean() == pytest.approx(100.25, abs=4 * 5 / np.sqrt(FLAT.size))
+    assert image.std() == pytest.approx(np.sqrt(25 + 1 / 12), rel=0.01)
 
 
 @pytest.mark.parametrize("level", [20.0, 200.0])
 def test_photon_noise_has_the_variance_of_its_electrons(level: float) -> None:
-    picture = capture_image(np.full_like(FLAT, level), Sensor(full_well_e=2000), rng()).astype(float)
+    image = capture_image(np.full_like(FLAT, level), Sensor(full_well_e=2000), rng()).astype(float)
     electrons = level * 2000 / 255
-    assert picture.var() - 1 / 12 == pytest.approx((level / electrons) ** 2 * electrons, rel=0.04)
-    assert picture.mean() == pytest.approx(level, abs=0.2)
+    assert image.var() - 1 / 12 == pytest.approx((level / electrons) ** 2 * electrons, rel=0.04)
+    assert image.mean() == pytest.approx(level, abs=0.2)
 
 
 def test_gain_amplifies_photon_noise_and_exposure_does_not() -> None:
@@ -95,11 +95,11 @@ def test_quantisation_has_two_to_the_bits_levels_from_black_to_white(bits: int) 
 def test_jpeg_is_the_codecs_own() -> None:
     from io import BytesIO
 
-    picture = rng().integers(0, 255, (64, 64, 3), dtype=np.uint8)
+    image = rng().integers(0, 255, (64, 64, 3), dtype=np.uint8)
     buffer = BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=40)
+    Image.fromarray(image).save(buffer, "JPEG", quality=40)
     assert np.array_equal(
-        capture_image(picture.astype(np.float32), Sensor(jpeg_quality=40), rng()), np.array(Image.open(buffer))
+        capture_image(image.astype(np.float32), Sensor(jpeg_quality=40), rng()), np.array(Image.open(buffer))
     )
 
 

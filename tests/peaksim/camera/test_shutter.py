@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
+from peaksim import Camera, Quad, Scene, Trajectory, render
 from peaksim.camera.shutter import PosedCamera, still_camera
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.rendering import count_moments
+
+from tests.peaksim.shapes import plain_texture
 
 CAMERA = Camera(width=160, height=120, fx=140.0, fy=140.0, cx=79.5, cy=59.5)
 ROLLING = replace(CAMERA, row_time_s=1e-4)
@@ -45,7 +47,7 @@ def test_rays_invert_projection(seed: int) -> None:
 
 
 def test_a_rolling_shutter_leans_upright_edges() -> None:
-    white = Texture.from_array(np.full((1, 1), 255, np.uint8))
+    white = plain_texture(255)
     board = Quad("board", white, (0.6, 4.0), compose(rotation_about("x", 90), [0, 0, 1]), marker="board")
     frame = render(Scene((board,), background=0.0), ROLLING, sideways(20.0), renderer="exact")
     assert frame.posed_camera.is_rolling
@@ -58,13 +60,7 @@ def test_a_rolling_shutter_leans_upright_edges() -> None:
 
 
 def test_a_blur_is_the_mean_of_its_moments_and_truth_says_how_wide_it_is() -> None:
-    dot = Quad(
-        "dot",
-        Texture.from_array(np.full((1, 1), 255, np.uint8)),
-        (0.06, 0.06),
-        compose(rotation_about("x", 90), [0, 0, 1]),
-        marker="dot",
-    )
+    dot = Quad("dot", plain_texture(255), (0.06, 0.06), compose(rotation_about("x", 90), [0, 0, 1]), marker="dot")
     camera = replace(CAMERA, exposure_s=0.05)
     way = sideways(5.0)  # 11.67 px in 0.05 s
     frame = render(Scene((dot,), background=0.0), camera, way, renderer="exact")
@@ -81,16 +77,7 @@ def test_a_blur_is_the_mean_of_its_moments_and_truth_says_how_wide_it_is() -> No
 
 
 def test_moments_are_as_many_as_the_motion_asks_for() -> None:
-    scene = Scene(
-        (
-            Quad(
-                "wall",
-                Texture.from_array(np.full((1, 1), 9, np.uint8)),
-                (9, 9),
-                compose(rotation_about("x", 90), [0, 0, 1]),
-            ),
-        )
-    )
+    scene = Scene((Quad("wall", plain_texture(9), (9, 9), compose(rotation_about("x", 90), [0, 0, 1])),))
     camera = replace(CAMERA, exposure_s=0.05)
     assert 16 <= count_moments(scene, PosedCamera(camera, sideways(5.0))) <= 20  # 11.7 px
     assert count_moments(scene, PosedCamera(camera, sideways(1e-6))) == 2

@@ -28,7 +28,7 @@ def coco(records: list[dict[str, Any]], tmp_path: Path) -> COCO:
     return COCO(str(tmp_path / "coco.json"))
 
 
-def test_pycocotools_finds_every_picture_kind_and_visible_marker(coco: COCO, records: list[dict[str, Any]]) -> None:
+def test_pycocotools_finds_every_image_kind_and_visible_marker(coco: COCO, records: list[dict[str, Any]]) -> None:
     assert sorted(coco.getImgIds()) == list(range(12))
     assert [c["name"] for c in coco.loadCats(coco.getCatIds())] == list(KINDS)
     assert coco.loadImgs([3])[0] == {"id": 3, "file_name": "000001/00000003.png", "width": 64, "height": 48}

@@ -26,7 +26,7 @@ def scene(folder: Path) -> Scene:
     return load_scene(folder / "tiny.toml").scene
 
 
-def test_a_marker_view_has_the_drawn_distance_tilt_and_place_in_the_picture(scene: Scene) -> None:
+def test_a_marker_view_has_the_drawn_distance_tilt_and_position_in_the_image(scene: Scene) -> None:
     view = MarkerView(kind="marker", distance_m=[0.5, 2], tilt_deg=[0, 70], off_axis=0.5)  # type: ignore[arg-type]
     seen = set()
     for i in range(60):

@@ -1,4 +1,4 @@
-"""OpenGL's picture of face numbers, against the analytic ids at the middles of samples."""
+"""OpenGL's image of face numbers, against the analytic ids at the middles of samples."""
 
 import numpy as np
 from peaksim import Camera, Mesh, Quad, Scene, Texture

@@ -20,6 +20,7 @@ from peaksim.gl import integrate as render_gl
 from tests.helpers import needs_gl
 from tests.peaksim.area.area_reference import area_integral
 from tests.peaksim.area.test_light import LIGHTS, furniture
+from tests.peaksim.shapes import plain_texture
 from tests.peaksim.views import LENSES, random_view, through
 from tests.places import ROOT, SOURCES
 
@@ -75,9 +76,9 @@ def test_it_is_the_area_integral_from_thirty_random_poses(seed: int) -> None:
 def assert_is_area_integral(seed: int, samples: int, width: int, height: int) -> None:
     view = random_view(seed, width, height)
     reference = area_integral(view.scene, view.camera, view.pose, samples)
-    picture = np.clip(np.rint(render_gl.integrate(view.scene, view.camera, view.pose)), 0, 255)
-    assert rms(picture - reference) < 0.5
-    assert np.quantile(np.abs(picture - reference), 0.999) < 3
+    image = np.clip(np.rint(render_gl.integrate(view.scene, view.camera, view.pose)), 0, 255)
+    assert rms(image - reference) < 0.5
+    assert np.quantile(np.abs(image - reference), 0.999) < 3
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -107,7 +108,7 @@ def test_a_mesh_of_many_small_triangles_is_drawn_as_by_the_exact_renderer() -> N
 
 
 def test_pixels_of_very_many_quads_are_the_mean_of_their_parts() -> None:
-    textures = [Texture.from_array(np.full((1, 1), level, np.uint8)) for level in (20, 90, 250)]
+    textures = [plain_texture(level) for level in (20, 90, 250)]
     tiles = tuple(
         Quad(f"{i} {j}", textures[(i + 2 * j) % 3], (0.02, 0.02), compose(np.eye(3), [i / 50, j / 50, 0]))
         for i in range(-8, 8)
@@ -121,7 +122,7 @@ def test_pixels_of_very_many_quads_are_the_mean_of_their_parts() -> None:
 
 @pytest.mark.parametrize("width_px", [0.5, 0.1, 0.02])
 def test_quads_thinner_than_a_sample_are_not_lost(width_px: float) -> None:
-    white = Texture.from_array(np.full((1, 1), 255, np.uint8))
+    white = plain_texture(255)
     strips = tuple(
         Quad(f"{k}", white, (width_px / 140, 0.5), compose(np.eye(3), [8.11 * k / 140, 0, 0])) for k in range(-9, 9)
     )
@@ -131,7 +132,7 @@ def test_quads_thinner_than_a_sample_are_not_lost(width_px: float) -> None:
 
 def test_of_quads_that_lie_on_each_other_the_later_one_is_seen() -> None:
     floor = chequered_floor().quads
-    plain = [Texture.from_array(np.full((1, 1), 20 * k, np.uint8)) for k in range(1, 9)]
+    plain = [plain_texture(20 * k) for k in range(1, 9)]
     cards = tuple(
         Quad(f"card{k}", texture, (0.6, 0.6), compose(rotation_about("z", 20 * k), [0.2 * k - 1, 0.1 * k, 0]))
         for k, texture in enumerate(plain)
@@ -141,7 +142,7 @@ def test_of_quads_that_lie_on_each_other_the_later_one_is_seen() -> None:
 
 
 def test_quads_side_by_side_do_not_touch() -> None:
-    white = Texture.from_array(np.full((1, 1), 255, np.uint8))
+    white = plain_texture(255)
     positions = [compose(rotation_about("z", 30), rotation_about("z", 30) @ [0.1 * k, 0, 0]) for k in range(5)]
     row = tuple(Quad(f"{k}", white, (0.1, 0.1), place) for k, place in enumerate(positions))
     above = Quad("above", white, (1.0, 1.0), compose(np.eye(3), [0, 0, 0.002]))

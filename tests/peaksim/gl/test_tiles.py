@@ -1,4 +1,4 @@
-"""Tiles cover the picture once, and a window shows every direction of its tile where its matrix says."""
+"""Tiles cover the image once, and a window shows every direction of its tile where its matrix says."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ CAMERAS = {
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_tiles_cover_the_picture_once(name: str) -> None:
+def test_tiles_cover_the_image_once(name: str) -> None:
     camera = CAMERAS[name]
     covered = np.zeros((camera.height, camera.width), int)
     for tile in split_into_tiles(camera):

@@ -95,7 +95,7 @@ def test_what_the_border_cuts_off_is_exact(turn: float, aside: float, height: fl
 
 
 @given(st.integers(0, 2**32))
-def test_patches_weigh_what_they_cover_in_the_picture(seed: int) -> None:
+def test_patches_weigh_what_they_cover_in_the_image(seed: int) -> None:
     rng = np.random.default_rng(seed)
     marker = Quad("marker", GREY, (0.4, 0.4), compose(rotation_about("x", rng.uniform(0, 60)), [0, 0, 0]))
     posed = still_camera(CAMERAS[0], look_at(rng.uniform([-1, -1, 1], [1, 1, 3]), [0, 0, 0]))
@@ -124,7 +124,7 @@ def test_a_card_hides_what_lies_behind_it_only() -> None:
 
 
 def counted_fraction(scene: Scene, posed: PosedCamera, corners: np.ndarray, side: int = 200) -> float:
-    """Return the visible share of a rectangle by casting side² rays over its box in the picture and beyond."""
+    """Return the visible share of a rectangle by casting side² rays over its box in the image and beyond."""
     rim = corners[[0, 1, 2, 3, 0]]
     steps = np.linspace(0, 1, 20)[:, None]
     edges_xy = posed.project(np.concatenate([a + steps * (b - a) for a, b in pairwise(rim)]))

@@ -1,4 +1,4 @@
-"""Affinity and ellipse of a marker against numerical differences, moments of the picture, and what is known by hand."""
+"""Affinity and ellipse of a marker against numerical differences, moments of the image, and what is known by hand."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where blobs are in the picture is where the truth says: at 200 random points and in the corners, for every camera."""
+"""Where blobs are in the image is where the truth says: at 200 random points and in the corners, for every camera."""
 
 from dataclasses import replace
 
