@@ -1,6 +1,6 @@
 """Speed and memory of SURF against OpenCV's and mahotas's: `make bench`.
 
-Every figure is a ratio, their time over ours, of medians of runs that take turns in one process. Ratios are compared
+Every figure is a ratio, their time over ours, of medians of runs that alternate in one process. Ratios are compared
 with `baseline.json`; `--update` writes them there. OpenCV's own SURF takes part where cv2 was built with it.
 """
 
@@ -53,19 +53,19 @@ def parse() -> argparse.Namespace:
 
 
 def measure(every: dict[str, dict[str, Job]], seconds: float) -> dict[str, dict[str, list[float]]]:
-    """Row → library → seconds of each run; the libraries of a row take turns, ours before each of theirs."""
+    """Row → library → seconds of each run; the libraries of a row alternate, ours before each of theirs."""
     return {row: alternate(libraries, seconds) for row, libraries in every.items()}
 
 
 def alternate(libraries: dict[str, Job], seconds: float) -> dict[str, list[float]]:
-    """Run all in turn until the time is up, three times at least, after one run that does not count."""
+    """Run all alternately until the time is up, three times at least, after one run that does not count."""
     times: dict[str, list[float]] = {library: [] for library in libraries}
-    turns = list(chain.from_iterable(("peakmark", library) for library in libraries if library != "peakmark"))
+    order = list(chain.from_iterable(("peakmark", library) for library in libraries if library != "peakmark"))
     for library in libraries:
         libraries[library]()
     end = perf_counter() + seconds
     while perf_counter() < end or min(map(len, times.values())) < 3:
-        for library in turns:
+        for library in order:
             start = perf_counter()
             libraries[library]()
             times[library].append(perf_counter() - start)
@@ -117,7 +117,7 @@ def memory_line(name: str, gray: Image) -> str:
 def peak_memory(library: str, gray: Image) -> tuple[float, float]:
     """MB with and without the libraries that were loaded, see `peak_memory.py`."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "picture.npy"
+        path = Path(folder) / "image.npy"
         np.save(path, gray)
         script = str(Path(__file__).with_name("peak_memory.py"))
         run = subprocess.run([sys.executable, script, library, str(path)], capture_output=True, text=True, check=True)

@@ -21,7 +21,7 @@ SETTINGS: dict[str, Mapping[str, Any]] = {
     "extended, upright, 4×2": {"threshold": 100.0, "extended": True, "upright": True, **surf.PAPER},
 }
 HEADER = (
-    "picture | setting | theirs | ours | paired | same order | worst xy, px | worst response, relative "
+    "image | setting | theirs | ours | paired | same order | worst xy, px | worst response, relative "
     "| worst angle, ° | descriptor median | 99 % | worst"
 )
 

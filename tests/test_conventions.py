@@ -131,18 +131,18 @@ def test_12_a_dark_marker_has_laplacian_plus_one() -> None:
 
 def test_13_each_row_of_a_rolling_shutter_has_its_own_time() -> None:
     rolling = replace(CAMERA, row_time_s=0.01)
-    way = Trajectory(np.array([0.0, 2.0]), np.stack([FACING, FACING @ compose(np.eye(3), [0.5, 0, 0])]))
-    posed = PosedCamera(rolling, way, 1.0)
+    trajectory = Trajectory(np.array([0.0, 2.0]), np.stack([FACING, FACING @ compose(np.eye(3), [0.5, 0, 0])]))
+    posed = PosedCamera(rolling, trajectory, 1.0)
     for x, y in posed.project([[0.2, 0.2, 0], [0.25, -0.3, 0], [0.3, 0, 0]]):
-        own = way.at(1.0 + (y - 14.5) * 0.01)
+        own = trajectory.at(1.0 + (y - 14.5) * 0.01)
         point = transform(own, 1.0 * CAMERA.unproject([[x, y]]))
         assert np.allclose(posed.project(point), [[x, y]], atol=1e-8)
 
 
 def test_14_the_affinity_maps_sides_right_and_down() -> None:
     upright = Quad("q", Texture.from_array(np.zeros((1, 1), np.uint8)), (0.25, 0.25), np.eye(4), marker="m")
-    turned = FACING @ compose(rotation_about("z", 90), np.zeros(3))  # the camera turns clockwise, the image back
-    for pose, expected in ((FACING, [[10, 0], [0, 10]]), (turned, [[0, 10], [-10, 0]])):
+    rotated = FACING @ compose(rotation_about("z", 90), np.zeros(3))  # the camera rotates clockwise, the image back
+    for pose, expected in ((FACING, [[10, 0], [0, 10]]), (rotated, [[0, 10], [-10, 0]])):
         assert np.allclose(render(Scene((upright,)), CAMERA, pose, renderer="exact").truth[0].affinity, expected)
 
 

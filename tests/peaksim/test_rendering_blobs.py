@@ -34,7 +34,7 @@ def moving(metres: tuple[float, float, float], turn_deg: float) -> Trajectory:
     return Trajectory(np.array([-0.5, -0.15, 0.2, 0.5]), np.stack(poses))
 
 
-def places(camera: Camera, inset_px: float) -> np.ndarray:
+def image_points(camera: Camera, inset_px: float) -> np.ndarray:
     """Return (200, 2) random px that lie apart, the corners among them."""
     rng = np.random.default_rng(7)
     x, y = np.meshgrid((np.arange(20) + 0.5) * camera.width / 20, (np.arange(10) + 0.5) * camera.height / 10)
@@ -100,10 +100,10 @@ def test_opengl_puts_blobs_where_truth_says(name: str) -> None:
 
 def errors_px(camera: Camera, trajectory: Trajectory | None, renderer: Renderer) -> np.ndarray:
     """Return the 200 distances of rendered blobs' centroids from their truth, px."""
-    way = trajectory or Trajectory(np.zeros(1), START[None])
-    posed = PosedCamera(camera, way)
-    scene = blobs(posed, places(camera, 12 if trajectory else 7))
-    frame = render(scene, camera, way if trajectory else START, renderer=renderer)
+    motion = trajectory or Trajectory(np.zeros(1), START[None])
+    posed = PosedCamera(camera, motion)
+    scene = blobs(posed, image_points(camera, 12 if trajectory else 7))
+    frame = render(scene, camera, motion if trajectory else START, renderer=renderer)
     truth = np.array([t.blur_mean_xy for t in frame.truth])
     assert len(truth) == 200
     if trajectory is None:

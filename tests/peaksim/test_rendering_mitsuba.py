@@ -43,10 +43,10 @@ def rectangle(pose: Pose, size_m: tuple[float, float], reflectance: dict) -> dic
 
 def sensor(samples: int) -> dict:
     # Mitsuba's camera looks along z with x to the left
-    turned = POSE @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    rotated = POSE @ np.diag([-1.0, -1.0, 1.0, 1.0])
     return {
         "type": "perspective",
-        "to_world": mitsuba.ScalarTransform4f(turned),
+        "to_world": mitsuba.ScalarTransform4f(rotated),
         "fov_axis": "x",
         "fov": float(np.degrees(2 * np.arctan(CAMERA.width / 2 / CAMERA.fx))),
         "near_clip": 0.01,

@@ -44,7 +44,7 @@ def gl_renderer() -> str:
     RendererError
         If no context opens.
     """
-    return _context()[1]
+    return open_context()[1]
 
 
 def draw_numbers(
@@ -65,7 +65,7 @@ def draw_numbers(
     import pyrender
 
     try:
-        renderer, drawn = _context()[0], _drawn(scene)
+        renderer, drawn = open_context()[0], _drawn(scene)
         renderer.viewport_width, renderer.viewport_height = window.columns, window.rows
         (fx, _, cx), (_, fy, cy), _ = window.samples_from_window
         # upside down, for OpenGL begins with the lowest row
@@ -120,8 +120,8 @@ def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: in
 
 
 @cache
-def _context() -> tuple[Any, str]:
-    """Open the process's one renderer; EGL first, OSMesa second."""
+def open_context() -> tuple[Any, str]:
+    """Return the one pyrender renderer, opened on first use (EGL, else OSMesa), and OpenGL's renderer string."""
     try:
         ctypes.CDLL("libGL.so.1")  # pyglet, which pyrender imports, loads it
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl" if _loads("libEGL.so.1") else "osmesa")
@@ -142,10 +142,10 @@ def _context() -> tuple[Any, str]:
 
 def _close_context() -> None:
     """Close the renderer; the next drawing opens a new one."""
-    renderer = _context()[0]
+    renderer = open_context()[0]
     atexit.unregister(renderer.delete)
     renderer.delete()
-    _context.cache_clear()
+    open_context.cache_clear()
 
 
 def _loads(library: str) -> bool:
@@ -175,7 +175,7 @@ def _read_numbers(scene: Any, flags: int) -> tuple[NDArray[np.uint32], None]:
     """Read the colours alone, as they lie in memory: pyrender itself also reads depth, and converts."""
     from OpenGL import GL
 
-    renderer = _context()[0]._renderer
+    renderer = open_context()[0]._renderer
     width, height = renderer._main_fb_dims
     GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, renderer._main_fb_ms)
     GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 4)

@@ -42,14 +42,14 @@ def multiplier(light: Light, positions: Points, normals: Points, blockers: Point
     if light.kind == "ambient":
         return np.full(len(positions), light.intensity)
     if light.kind == "directional":
-        ways = np.broadcast_to(-np.asarray(light.direction) * 1e3, positions.shape)
+        to_light = np.broadcast_to(-np.asarray(light.direction) * 1e3, positions.shape)
     else:
-        ways = np.asarray(light.position_m) - positions
-    lengths = np.linalg.norm(ways, axis=1)
-    cosines = np.maximum((ways * normals).sum(axis=1) / lengths, 0)
+        to_light = np.asarray(light.position_m) - positions
+    lengths = np.linalg.norm(to_light, axis=1)
+    cosines = np.maximum((to_light * normals).sum(axis=1) / lengths, 0)
     falloff = (light.reference_m / lengths) ** 2 if light.kind == "point" else 1.0
     if light.casts_shadows:
-        cosines[nearest(positions + 1e-6 * normals, ways, blockers)[0] < 1] = 0
+        cosines[nearest(positions + 1e-6 * normals, to_light, blockers)[0] < 1] = 0
     return light.intensity * cosines * falloff
 
 
@@ -76,8 +76,8 @@ def _find_nearest(origins, rays, triangles, planes, best, number):  # type: igno
             for side in range(3):
                 inward = 0.0
                 for axis in range(3):
-                    place = origins[i, axis] + t * rays[i, axis]
-                    inward += (place - triangles[k, side, axis]) * planes[k, side + 1, axis]
+                    position = origins[i, axis] + t * rays[i, axis]
+                    inward += (position - triangles[k, side, axis]) * planes[k, side + 1, axis]
                 inside = inside and inward >= 0.0
             if inside:
                 best[i], number[i] = t, k

@@ -75,9 +75,9 @@ def test_a_quarter_turn_of_the_camera_turns_textures_within_their_error_budget()
 
 
 def quarter_turn(scene: Scene, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the image turned, and that of the turned camera."""
-    turned = pose @ compose(rotation_about("z", 90), np.zeros(3))
-    return np.rot90(integrate(scene, CAMERA, pose[None]), 1), integrate(scene, CAMERA, turned[None])
+    """Return the rotated image, and the image of the rotated camera."""
+    rotated = pose @ compose(rotation_about("z", 90), np.zeros(3))
+    return np.rot90(integrate(scene, CAMERA, pose[None]), 1), integrate(scene, CAMERA, rotated[None])
 
 
 def test_overlapping_quads_hide_each_other_in_any_order() -> None:

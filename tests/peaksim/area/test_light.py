@@ -23,16 +23,16 @@ LIGHTS = {
 
 
 def furniture(seed: int) -> Scene:
-    """Return a floor, a wall and three turned boxes."""
+    """Return a floor, a wall and three rotated boxes."""
     rng = np.random.default_rng(seed)
     wall = compose(rotation_about("x", 90), [0, 1.2, 0.5])
     quads = (plain_quad("floor", 180, 4.0, np.eye(4)), plain_quad("wall", 220, 4.0, wall))
     boxes = []
     for k in range(3):
         size = rng.uniform(0.15, 0.5, 3)
-        turn = rotation_about("z", rng.uniform(0, 360)) @ rotation_about("x", rng.uniform(0, 40) * (k == 2))
-        place = [*rng.uniform(-0.7, 0.7, 2), size[2] * (0.5 if k < 2 else 1.4)]
-        boxes.append(Mesh(f"box{k}", BOX_M * size, BOX_FACES, compose(turn, place), (90.0 + 40 * k,) * 3))
+        rotation = rotation_about("z", rng.uniform(0, 360)) @ rotation_about("x", rng.uniform(0, 40) * (k == 2))
+        position = [*rng.uniform(-0.7, 0.7, 2), size[2] * (0.5 if k < 2 else 1.4)]
+        boxes.append(Mesh(f"box{k}", BOX_M * size, BOX_FACES, compose(rotation, position), (90.0 + 40 * k,) * 3))
     return Scene(quads, tuple(boxes))
 
 

@@ -20,7 +20,7 @@ START = look_at([0, -3.0, 1.0], [0, 0, 1.0])
 
 
 def sideways(metres: float, turn_deg: float = 0.0) -> Trajectory:
-    """Return a second of motion to the right, with a turn to the right."""
+    """Return a second of motion to the right, with a rotation to the right."""
     ends = [START @ compose(rotation_about("y", k * turn_deg / 2), [k * metres / 2, 0, 0]) for k in (-1.0, 1.0)]
     return Trajectory(np.array([-0.5, 0.5]), np.stack(ends))
 
@@ -62,9 +62,9 @@ def test_a_rolling_shutter_leans_upright_edges() -> None:
 def test_a_blur_is_the_mean_of_its_moments_and_truth_says_how_wide_it_is() -> None:
     dot = Quad("dot", plain_texture(255), (0.06, 0.06), compose(rotation_about("x", 90), [0, 0, 1]), marker="dot")
     camera = replace(CAMERA, exposure_s=0.05)
-    way = sideways(5.0)  # 11.67 px in 0.05 s
-    frame = render(Scene((dot,), background=0.0), camera, way, renderer="exact")
-    sharp = render(Scene((dot,), background=0.0), CAMERA, way.at(0.0), renderer="exact")
+    trajectory = sideways(5.0)  # 11.67 px in 0.05 s
+    frame = render(Scene((dot,), background=0.0), camera, trajectory, renderer="exact")
+    sharp = render(Scene((dot,), background=0.0), CAMERA, trajectory.at(0.0), renderer="exact")
     assert frame.linear.sum() == pytest.approx(sharp.linear.sum(), rel=1e-3)
     assert frame.linear.max() < 0.3 * sharp.linear.max()
     truth = frame.truth[0]

@@ -1,4 +1,4 @@
-"""Domain randomisation: markers stay in their plane, as many as asked for; clutter stays in the room."""
+"""Domain randomisation: markers stay in their plane, as many as the specification needs; clutter stays in the room."""
 
 from pathlib import Path
 
@@ -57,7 +57,7 @@ def test_markers_move_in_their_plane_within_the_limits(folder: Path) -> None:
             assert abs(shift @ across) <= 0.1
             assert 0.5 * before.side_m <= after.side_m <= before.side_m
             assert after.border_m / after.side_m == pytest.approx(before.border_m / before.side_m)
-            assert np.dot(after.up, before.up) >= -1e-12  # turned by at most 90°
+            assert np.dot(after.up, before.up) >= -1e-12  # rotated by at most 90°
             assert (after.kind, after.normal) == ("surf-light", before.normal)
 
 

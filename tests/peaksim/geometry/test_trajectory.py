@@ -21,17 +21,17 @@ def random_trajectory(seed: int, count: int) -> Trajectory:
 
 @given(st.integers(0, 10_000), st.integers(1, 6))
 def test_it_passes_through_its_waypoints_and_is_rigid_between(seed: int, count: int) -> None:
-    way = random_trajectory(seed, count)
-    for time, pose in zip(way.times_s, way.world_from_camera, strict=True):
-        assert np.allclose(way.at(time), pose, atol=1e-9)
-    for time in np.linspace(way.times_s[0], way.times_s[-1], 7):
-        rigid(way.at(time))
+    trajectory = random_trajectory(seed, count)
+    for time, pose in zip(trajectory.times_s, trajectory.world_from_camera, strict=True):
+        assert np.allclose(trajectory.at(time), pose, atol=1e-9)
+    for time in np.linspace(trajectory.times_s[0], trajectory.times_s[-1], 7):
+        rigid(trajectory.at(time))
 
 
 def test_it_stands_still_outside_its_times() -> None:
-    way = random_trajectory(1, 4)
-    assert np.array_equal(way.at(-5), way.at(way.times_s[0]))
-    assert np.array_equal(way.at(1e9), way.at(way.times_s[-1]))
+    trajectory = random_trajectory(1, 4)
+    assert np.array_equal(trajectory.at(-5), trajectory.at(trajectory.times_s[0]))
+    assert np.array_equal(trajectory.at(1e9), trajectory.at(trajectory.times_s[-1]))
 
 
 def test_a_line_has_constant_speed_and_turning_rate() -> None:
@@ -52,10 +52,10 @@ def test_a_spline_through_36_poses_of_an_orbit_keeps_its_radius_and_looks_at_the
 
 
 def test_frame_times_include_both_ends() -> None:
-    way = Trajectory(np.array([0, 0.3]), np.stack([np.eye(4), compose(np.eye(3), [1, 0, 0])]))
-    assert np.allclose(way.frame_times_s(10), [0, 0.1, 0.2, 0.3])
+    trajectory = Trajectory(np.array([0, 0.3]), np.stack([np.eye(4), compose(np.eye(3), [1, 0, 0])]))
+    assert np.allclose(trajectory.frame_times_s(10), [0, 0.1, 0.2, 0.3])
     with pytest.raises(SceneError, match="positive frame rate"):
-        way.frame_times_s(0)
+        trajectory.frame_times_s(0)
 
 
 @pytest.mark.parametrize("times", [[0, 0], [1, 0.5], [0, np.nan], [0, 1, 1], [0, 2, 1], [0, np.nan, 1]])
@@ -72,9 +72,9 @@ def test_wrong_shapes_and_poses_are_refused() -> None:
 
 
 def test_quaternions_round_trip_and_must_have_unit_length() -> None:
-    way = random_trajectory(3, 5)
-    again = from_quaternions(way.times_s, way.world_from_camera[:, :3, 3], quaternions_xyzw(way))
-    assert np.allclose(again.world_from_camera, way.world_from_camera, atol=1e-12)
+    trajectory = random_trajectory(3, 5)
+    again = from_quaternions(trajectory.times_s, trajectory.world_from_camera[:, :3, 3], quaternions_xyzw(trajectory))
+    assert np.allclose(again.world_from_camera, trajectory.world_from_camera, atol=1e-12)
     with pytest.raises(SceneError, match="pose 0: expected a unit quaternion, got one of length 2"):
         from_quaternions([0], [[0, 0, 0]], [[0, 0, 0, 2]])
     with pytest.raises(SceneError, match=r"pose 1: expected a unit quaternion, got one of length 1\.1"):

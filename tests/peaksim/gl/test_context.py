@@ -23,7 +23,7 @@ def cards(count: int) -> tuple[Quad, ...]:
     rng = np.random.default_rng(0)
     plain = Texture.from_array(np.zeros((1, 1), np.uint8))
     positions = [compose(look_at([0, 0, 0], rng.normal(size=3))[:3, :3], rng.uniform(-1, 1, 3)) for _ in range(count)]
-    return tuple(Quad(f"card{k}", plain, (0.3, 0.2), place) for k, place in enumerate(positions))
+    return tuple(Quad(f"card{k}", plain, (0.3, 0.2), position) for k, position in enumerate(positions))
 
 
 def test_samples_show_the_number_of_the_face_at_their_middle() -> None:

@@ -6,15 +6,16 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
+import pyrender
 import pytest
 import trimesh
 from peaksim import Camera, Light, Mesh, Quad, Scene, Texture, Trajectory, render
 from peaksim.area.integrate import integrate
 from peaksim.errors import RendererError, SceneError
 from peaksim.geometry.pose import compose, look_at, rotation_about
-from peaksim.gl import context as render_gl_context
 from peaksim.gl import integrate as render_gl
 
 from tests.helpers import needs_gl
@@ -144,7 +145,7 @@ def test_of_quads_that_lie_on_each_other_the_later_one_is_seen() -> None:
 def test_quads_side_by_side_do_not_touch() -> None:
     white = plain_texture(255)
     positions = [compose(rotation_about("z", 30), rotation_about("z", 30) @ [0.1 * k, 0, 0]) for k in range(5)]
-    row = tuple(Quad(f"{k}", white, (0.1, 0.1), place) for k, place in enumerate(positions))
+    row = tuple(Quad(f"{k}", white, (0.1, 0.1), position) for k, position in enumerate(positions))
     above = Quad("above", white, (1.0, 1.0), compose(np.eye(3), [0, 0, 0.002]))
     assert set(render_gl.touching_groups(Scene((*row, above)))) == {-1}
 
@@ -163,11 +164,11 @@ def test_a_scene_of_nothing_is_background() -> None:
 
 def test_auto_takes_the_exact_renderer_for_what_opengl_cannot_draw() -> None:
     rolling = replace(CAMERA, row_time_s=1e-4)
-    way = Trajectory(np.array([-1.0, 1.0]), np.stack([POSE, POSE @ compose(np.eye(3), [0.1, 0, 0])]))
-    assert render(chequered_floor(), rolling, way).renderer == "exact"
+    trajectory = Trajectory(np.array([-1.0, 1.0]), np.stack([POSE, POSE @ compose(np.eye(3), [0.1, 0, 0])]))
+    assert render(chequered_floor(), rolling, trajectory).renderer == "exact"
     assert render(chequered_floor(), CAMERA, POSE).renderer == "gl"
     with pytest.raises(SceneError, match='expected "exact" or "auto" for a rolling shutter, got "gl"'):
-        render(chequered_floor(), rolling, way, renderer="gl")
+        render(chequered_floor(), rolling, trajectory, renderer="gl")
 
 
 def test_an_error_while_drawing_is_told_apart_from_bad_input_and_leaves_a_context_that_works(
@@ -176,12 +177,11 @@ def test_an_error_while_drawing_is_told_apart_from_bad_input_and_leaves_a_contex
     scene = chequered_floor()
     before = render(scene, CAMERA, POSE, renderer="gl").image
     with monkeypatch.context() as broken:
-        renderer = render_gl_context._context()[0]
-        broken.setattr(renderer._renderer, "render", lambda *_, **__: (_ for _ in ()).throw(RuntimeError("lost")))
+        broken.setattr(pyrender.OffscreenRenderer, "render", Mock(side_effect=RuntimeError("lost")))
         with pytest.raises(RendererError, match="OpenGL failed while drawing: RuntimeError lost"):
-            render(scene, CAMERA, POSE, renderer="gl")
+            render(scene, CAMERA, POSE @ compose(np.eye(3), [0.3, 0, 0]), renderer="gl")
+    # a camera that the failure left behind would still be the one that draws
     assert np.array_equal(render(scene, CAMERA, POSE, renderer="gl").image, before)
-    assert len(render_gl_context._drawn(scene).camera_nodes) == 0
 
 
 def test_two_processes_render_side_by_side_the_same_bytes() -> None:

@@ -58,7 +58,7 @@ def test_samples_lie_evenly_in_the_pixels_of_a_pinhole() -> None:
 @given(st.floats(0, 3.0), st.floats(-4, 4))
 def test_a_half_turn_is_a_rotation_that_swaps_two_directions(polar: float, azimuth: float) -> None:
     direction = np.array([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)])
-    turn = swap_rotation(direction)
-    assert np.allclose(turn @ turn, np.eye(3), atol=1e-9)
-    assert np.linalg.det(turn) == pytest.approx(1)
-    assert np.allclose(turn[:, 2], direction, atol=1e-9)
+    rotation = swap_rotation(direction)
+    assert np.allclose(rotation @ rotation, np.eye(3), atol=1e-9)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    assert np.allclose(rotation[:, 2], direction, atol=1e-9)

@@ -42,8 +42,8 @@ def test_where_nothing_is_there_is_no_flow() -> None:
 
 def test_a_rolling_shutters_points_are_those_it_shows() -> None:
     scene = Scene((FLOOR, CARD))
-    way = Trajectory(np.array([-1.0, 1.0]), np.stack([above(-1.0), above(1.0)]))
-    frame = render(scene, replace(CAMERA, row_time_s=1e-3), way, renderer="exact")
+    trajectory = Trajectory(np.array([-1.0, 1.0]), np.stack([above(-1.0), above(1.0)]))
+    frame = render(scene, replace(CAMERA, row_time_s=1e-3), trajectory, renderer="exact")
     points = surface_points(frame)
     assert np.allclose(points[:, 2], np.where(frame.quad_ids.ravel() == 1, 0.5, 0.0), atol=1e-6)
     flow = optical_flow(scene, frame, frame)

@@ -1,4 +1,4 @@
-"""Visible fractions that are known without sampling agree with sampled ones, whatever stands in the way."""
+"""Visible fractions that are known without sampling agree with sampled ones, whatever stands between."""
 
 from itertools import pairwise
 
@@ -38,9 +38,9 @@ def random_scene(rng: np.random.Generator) -> Scene:
     wall = Quad("wall", GREY, (4.0, 4.0), compose(np.eye(3), [0, 0, -0.002]))
     cards = []
     for k in range(int(rng.integers(0, 5))):
-        turn = rotation_about("x", rng.uniform(0, 360)) @ rotation_about("y", rng.uniform(0, 360))
-        place = [*rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.5, 2.5)]
-        cards.append(Quad(f"card{k}", GREY, tuple(rng.uniform(0.05, 0.6, 2)), compose(turn, place)))
+        rotation = rotation_about("x", rng.uniform(0, 360)) @ rotation_about("y", rng.uniform(0, 360))
+        position = [*rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.5, 2.5)]
+        cards.append(Quad(f"card{k}", GREY, tuple(rng.uniform(0.05, 0.6, 2)), compose(rotation, position)))
     return Scene(quads=(wall, poster, *cards))
 
 
@@ -65,10 +65,10 @@ def may_hide_any(scene: Scene, posed: PosedCamera, corners: np.ndarray) -> bool:
     return bool(may_hide(posed.pose[:3, 3], corners, others).any())
 
 
-@pytest.mark.parametrize("turn", [0.0, 17.0])
-def test_of_sheets_in_one_plane_the_later_one_is_seen(turn: float) -> None:
+@pytest.mark.parametrize("angle_deg", [0.0, 17.0])
+def test_of_sheets_in_one_plane_the_later_one_is_seen(angle_deg: float) -> None:
     """The sheet covers the right half of the marker."""
-    poses = [compose(rotation_about("y", turn), rotation_about("y", turn) @ [x, 0, 0]) for x in (0.0, 0.5)]
+    poses = [compose(rotation_about("y", angle_deg), rotation_about("y", angle_deg) @ [x, 0, 0]) for x in (0.0, 0.5)]
     marker, sheet = Quad("marker", GREY, (1, 1), poses[0], "any"), Quad("sheet", GREY, (1, 2), poses[1])
     posed = still_camera(CAMERAS[0], look_at([0.3, -1.0, 4.0], [0, 0, 0]))
     assert marker_truth(Scene(quads=(sheet, marker)), posed)[0].visible_fraction == 1.0
@@ -83,10 +83,10 @@ def test_of_sheets_in_one_plane_the_later_one_is_seen(turn: float) -> None:
 
 
 @given(st.floats(0, 6.28), st.floats(-1.2, 1.2), st.floats(0.6, 3.0))
-def test_what_the_border_cuts_off_is_exact(turn: float, aside: float, height: float) -> None:
+def test_what_the_border_cuts_off_is_exact(angle_rad: float, aside: float, height: float) -> None:
     scene = Scene(quads=(Quad("marker", GREY, (0.5, 0.5), np.eye(4), "any"),))
     posed = still_camera(
-        CAMERAS[0], look_at([0.0, -0.3, height], [aside, 0.1, 0], up=(np.sin(turn), np.cos(turn), 0.2))
+        CAMERAS[0], look_at([0.0, -0.3, height], [aside, 0.1, 0], up=(np.sin(angle_rad), np.cos(angle_rad), 0.2))
     )
     (truth,) = marker_truth(scene, posed)
     frame = np.array([[-0.5, -0.5], [319.5, -0.5], [319.5, 239.5], [-0.5, 239.5]], np.float32)

@@ -26,8 +26,8 @@ def test_seen_squarely_the_affinity_is_the_side_and_the_ellipse_a_circle() -> No
 
 def corners_and_shot(seed: int, camera: Camera) -> tuple[np.ndarray, object]:
     rng = np.random.default_rng(seed)
-    turn = rotation_about("x", rng.uniform(-60, 60)) @ rotation_about("z", rng.uniform(0, 360))
-    quad = Quad("q", GREY, (0.3, 0.3), compose(turn, [0, 0, 0]))
+    rotation = rotation_about("x", rng.uniform(-60, 60)) @ rotation_about("z", rng.uniform(0, 360))
+    quad = Quad("q", GREY, (0.3, 0.3), compose(rotation, [0, 0, 0]))
     pose = look_at([*rng.uniform(-0.4, 0.4, 2), rng.uniform(0.8, 2)], [*rng.uniform(-0.2, 0.2, 2), 0], up=(0, 1, 0.1))
     return rectangle_m(quad, (0, 0), (0.3, 0.3))[None], still_camera(camera, pose)
 
@@ -46,9 +46,9 @@ def test_the_affinity_predicts_points_near_the_centre(camera: Camera, seed: int)
 def test_the_rim_lies_on_the_ellipse(seed: int) -> None:
     corners, posed = corners_and_shot(seed, CAMERA)
     top_left, top_right, _, bottom_left = corners[0]
-    turns = np.linspace(0, 2 * np.pi, 7)[:, None]
+    angles = np.linspace(0, 2 * np.pi, 7)[:, None]
     across, down = (top_right - top_left) / 2, (bottom_left - top_left) / 2
-    rim = corners[0].mean(axis=0) + np.cos(turns) * across + np.sin(turns) * down
+    rim = corners[0].mean(axis=0) + np.cos(angles) * across + np.sin(angles) * down
     ellipse = ellipses(posed, corners)[0]
     angle = np.radians(ellipse.angle_deg)
     away = (posed.project(rim) - ellipse.center_xy) @ [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]

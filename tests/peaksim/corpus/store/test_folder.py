@@ -111,7 +111,7 @@ def test_a_folder_with_spaces_quotes_and_html_is_a_folder_like_any_other(tmp_pat
 
 def test_a_full_disk_is_one_line_and_leaves_no_torn_file(tmp_path: Path) -> None:
     store = open_store(str(tmp_path))
-    (tmp_path / ".unfinished").symlink_to("/dev/full")  # a place that cannot take anything
+    (tmp_path / ".unfinished").symlink_to("/dev/full")  # a device on which nothing can be written
     with pytest.raises(InputError, match=r"x\.bin: "):
         write_file(store, "x.bin", b"y")
     assert not store.exists("x.bin")
