@@ -9,7 +9,9 @@ from peaksim.area.faces import DEPTH, FaceViews
 from peaksim.area.owner import COVERS, MIXED, NOTHING, TILE, find_faces, find_owners
 
 PERSPECTIVE = 0.02
-"""Where depth varies by more than this share within a pixel, the pixel is split: image area counts, not the face's."""
+"""Where depth varies by more than this share within a pixel, the pixel is split: image area counts, not the face's.
+
+`benchmarks/fidelity_render.py` measures what comes of it."""
 MOST_SPLITS = 8
 """Most parts of a pixel along each axis."""
 _SAMPLED_EVERY = 5

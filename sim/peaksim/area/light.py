@@ -80,6 +80,18 @@ def lit_share(planes, face, polygons, k, n, lift, lights, light, boxes, links, s
 
 
 @part
+def sampled_share(planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, point, ray, stack):
+    """Return the lit share of polygon k from a few samples, and from many where a few do not agree."""
+    share = 0.5
+    for samples in (_FEW, _MANY):
+        if 0.0 < share < 1.0:
+            share = lit_share(
+                planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, point, ray, stack, samples
+            )
+    return share
+
+
+@part
 def mean_light(planes, faces, face, polygons, k, n, eyes, pose, lights, boxes, links, solids, work, stack):
     """Return the mean multiplier over the n vertices of polygon k, in the coordinates of its face."""
     point, ray, lift, corner = work[0], work[1], work[2], work[3]
@@ -105,28 +117,11 @@ def mean_light(planes, faces, face, polygons, k, n, eyes, pose, lights, boxes, l
             if lights[light, KIND] == POINT:
                 strength *= (lights[light, REFERENCE] / length) ** 2
             if strength > 0.0 and lights[light, SHADOWS] > 0.0:
-                near, share = np.sqrt(radius) + 2.0 * _LIFT_M, 0.5
+                near = np.sqrt(radius) + 2.0 * _LIFT_M
                 if meets_any(boxes, links, solids, corner, ray, near, farthest, stack):
-                    for samples in (_FEW, _MANY):
-                        if 0.0 < share < 1.0:
-                            share = lit_share(
-                                planes,
-                                face,
-                                polygons,
-                                k,
-                                n,
-                                lift,
-                                lights,
-                                light,
-                                boxes,
-                                links,
-                                solids,
-                                point,
-                                ray,
-                                stack,
-                                samples,
-                            )
-                    strength *= share
+                    strength *= sampled_share(
+                        planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, point, ray, stack
+                    )
         total += strength
     return total
 
@@ -174,21 +169,9 @@ def light_owned(rays, sides, planes, faces, eyes, lights, boxes, links, solids, 
                         w += sides[pose, face, DEPTH, axis] * rays[i, j, axis]
                     polygon[0, corner, 0] = u / w
                     polygon[0, corner, 1] = v / w
+                first, size = pose - pose, corner + 1
                 light = mean_light(
-                    planes,
-                    faces,
-                    face,
-                    polygon,
-                    pose - pose,
-                    corner + 1,
-                    eyes,
-                    pose,
-                    lights,
-                    boxes,
-                    links,
-                    solids,
-                    work,
-                    stack,
+                    planes, faces, face, polygon, first, size, eyes, pose, lights, boxes, links, solids, work, stack
                 )
                 for channel in range(out.shape[2]):
                     out[y, x, channel] *= light

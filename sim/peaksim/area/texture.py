@@ -9,7 +9,9 @@ the number of steps keeps that below the error budget.
 from peaksim.kernel import part
 
 STEPS_PER_CONTRAST = 0.236
-"""Steps^1.5 of an edge for each grey level of texture contrast and unit of slant, fitted to 0.3 grey levels rms."""
+"""Steps^1.5 of an edge for each grey level of texture contrast and unit of slant, for 0.3 grey levels rms.
+
+`benchmarks/fidelity_render.py` measures what comes of it."""
 STEPS_PER_TEXEL = 3.0
 """More steps than this gain nothing: between texel centres the texture is smooth."""
 POINT = 0.01

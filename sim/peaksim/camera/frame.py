@@ -12,7 +12,7 @@ from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.pose import Pose
 
 TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
-"""Error budget of each renderer: rms over an image against the area integral, grey levels."""
+"""Error budget of each renderer: rms against the area integral, grey levels; see `benchmarks/fidelity_render.py`."""
 
 
 def error_budget(renderer: str) -> str:

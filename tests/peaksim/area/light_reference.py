@@ -64,7 +64,7 @@ def nearest(origins: Points, rays: Points, triangles: Points) -> tuple[NDArray[n
 
 
 @njit(cache=True)
-def _find_nearest(origins, rays, triangles, planes, best, number):  # type: ignore[no-untyped-def]
+def _find_nearest(origins, rays, triangles, planes, best, number):
     for i in range(len(rays)):
         for k in range(len(triangles)):
             slope = height = 0.0
