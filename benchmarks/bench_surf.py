@@ -58,7 +58,7 @@ def measure(every: dict[str, dict[str, Job]], seconds: float) -> dict[str, dict[
 
 
 def alternate(libraries: dict[str, Job], seconds: float) -> dict[str, list[float]]:
-    """Run all, one after the other, until the time is up, three times at least, after one run that does not count."""
+    """Run all alternately until the time is up, three times at least, after one run that does not count."""
     times: dict[str, list[float]] = {library: [] for library in libraries}
     order = list(chain.from_iterable(("peakmark", library) for library in libraries if library != "peakmark"))
     for library in libraries:

@@ -65,7 +65,7 @@ def stages(gray: NDArray[np.uint8]) -> list[Stage]:
 
 
 def time_stages(gray: NDArray[np.uint8], rounds: int) -> list[StageTime]:
-    """Medians over rounds in which each stage and a copy of its bytes take turns; "descriptors" has the pairs in it."""
+    """Medians over rounds of each stage and a copy of its bytes, alternating; "descriptors" includes the pairs."""
     times = []
     for stage in stages(gray):
         source = np.ones(int(stage.megabytes * 1e6 / 2), dtype=np.uint8)  # a copy reads and writes

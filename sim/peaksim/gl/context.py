@@ -1,4 +1,4 @@
-"""OpenGL through pyrender on EGL or OSMesa: one long-lived renderer, which draws the numbers of faces.
+"""OpenGL by pyrender on EGL or OSMesa: one long-lived renderer, which draws the numbers of faces.
 
 No other module imports pyrender.
 """
@@ -22,7 +22,7 @@ from peaksim.scene.scene import Scene
 
 _LINES, _TRIANGLES = 1, 4
 _DRAWINGS_OF_OSMESA = 20
-"""Its contexts keep 2 to 8 MB of each drawing, so that a new one is opened from time to time."""
+"""Contexts of OSMesa leak 2 to 8 MB a drawing, so a new one is opened after this many."""
 _drawings = count(1)
 _FAILURES = (AssertionError, RuntimeError, ctypes.ArgumentError, OSError)
 
@@ -44,7 +44,7 @@ def gl_renderer() -> str:
     RendererError
         If no context opens.
     """
-    return _context()[1]
+    return open_context()[1]
 
 
 def draw_numbers(
@@ -65,20 +65,20 @@ def draw_numbers(
     import pyrender
 
     try:
-        renderer, drawn = _context()[0], _drawn(scene)
+        renderer, drawn = open_context()[0], _drawn(scene)
         renderer.viewport_width, renderer.viewport_height = window.columns, window.rows
         (fx, _, cx), (_, fy, cy), _ = window.samples_from_window
         # upside down, for OpenGL begins with the lowest row
         lens = pyrender.IntrinsicsCamera(fx, -fy, cx, window.rows - cy, znear=depths_m[0], zfar=depths_m[1])
-        turned = world_from_camera.copy()
-        turned[:3, :3] = world_from_camera[:3, :3] @ window.camera_from_window @ np.diag([1.0, -1.0, -1.0])
-        node = drawn.add(lens, pose=turned)
+        pose = world_from_camera.copy()
+        pose[:3, :3] = world_from_camera[:3, :3] @ window.camera_from_window @ np.diag([1.0, -1.0, -1.0])
+        node = drawn.add(lens, pose=pose)
         try:
             numbers, _ = renderer.render(drawn, flags=pyrender.RenderFlags.FLAT)
         finally:
             drawn.remove_node(node)
         if os.environ["PYOPENGL_PLATFORM"] == "osmesa" and next(_drawings) % _DRAWINGS_OF_OSMESA == 0:
-            _close()
+            _close_context()
     except _FAILURES as error:
         raise RendererError(f"OpenGL failed while drawing: {type(error).__name__} {error}") from error
     return np.asarray(numbers)
@@ -86,7 +86,7 @@ def draw_numbers(
 
 @lru_cache(maxsize=1)
 def _drawn(scene: Scene) -> Any:
-    """Return the scene for pyrender: one mesh, whose colours are numbers, so that the order of drawing never varies."""
+    """Return the scene for pyrender: one mesh with numbers for colours, so that the order of drawing never varies."""
     import pyrender
 
     squares = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
@@ -120,8 +120,8 @@ def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: in
 
 
 @cache
-def _context() -> tuple[Any, str]:
-    """Open the process's one renderer; EGL first, OSMesa second."""
+def open_context() -> tuple[Any, str]:
+    """Return the one pyrender renderer, opened on first use (EGL, else OSMesa), and OpenGL's renderer string."""
     try:
         ctypes.CDLL("libGL.so.1")  # pyglet, which pyrender imports, loads it
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl" if _loads("libEGL.so.1") else "osmesa")
@@ -134,18 +134,18 @@ def _context() -> tuple[Any, str]:
         renderer = pyrender.OffscreenRenderer(64, 64)
         name = glGetString(GL_RENDERER).decode()
         atexit.register(renderer.delete)  # before PyOpenGL's modules are gone
-    except Exception as error:  # every driver fails in its own way
+    except Exception as error:  # every driver fails differently
         raise RendererError(f"no OpenGL context opens: {type(error).__name__} {error}") from error
     renderer._renderer._read_main_framebuffer = _read_numbers
     return renderer, name
 
 
-def _close() -> None:
+def _close_context() -> None:
     """Close the renderer; the next drawing opens a new one."""
-    renderer = _context()[0]
+    renderer = open_context()[0]
     atexit.unregister(renderer.delete)
     renderer.delete()
-    _context.cache_clear()
+    open_context.cache_clear()
 
 
 def _loads(library: str) -> bool:
@@ -172,10 +172,10 @@ def _multisample_off() -> None:
 
 
 def _read_numbers(scene: Any, flags: int) -> tuple[NDArray[np.uint32], None]:
-    """Read the colours alone, as they lie in memory: pyrender's own way reads depth too, and converts."""
+    """Read the colours alone, as they lie in memory: pyrender itself also reads depth, and converts."""
     from OpenGL import GL
 
-    renderer = _context()[0]._renderer
+    renderer = open_context()[0]._renderer
     width, height = renderer._main_fb_dims
     GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, renderer._main_fb_ms)
     GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 4)

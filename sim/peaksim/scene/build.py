@@ -21,7 +21,7 @@ from peaksim.scene import schema as schema
 from peaksim.scene.scene import Light, Mark, Mesh, Quad
 from peaksim.scene.texture import Texture
 
-_LARGEST_TEXTURE = 200_000_000  # texels of one papered surface
+_LARGEST_TEXTURE = 200_000_000  # texels of one papered surface, refused before they are made
 _WHITE = 255
 
 
@@ -35,7 +35,7 @@ class Paper:
         self.photo = photo
         self.texels_per_m = photo.shape[1] / photo_m
 
-    def cover(self, size_m: tuple[float, float], name: str) -> Texture:
+    def cover_surface(self, size_m: tuple[float, float], name: str) -> Texture:
         """Return the texture of a surface of this width and height."""
         width, height = (max(1, round(side * self.texels_per_m)) for side in size_m)
         if width * height > _LARGEST_TEXTURE:
@@ -69,14 +69,14 @@ def _load_texture(name: str, table: schema.TextureTable, variant: str | None, fo
         if variant not in table.variants:
             raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
         field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
-    photo = _read_photo(_find_picture(str(file), folder, field), field)
-    return Paper(with_contrast(photo, table.contrast, table.mean), table.photo_m)
+    photo = _read_photo(_find_image(str(file), folder, field), field)
+    return Paper(scale_contrast(photo, table.contrast, table.mean), table.photo_m)
 
 
-def _find_picture(file: str, folder: Path, field: str) -> Path:
-    """Return a picture beside the scene file, or else among the shipped assets."""
+def _find_image(file: str, folder: Path, field: str) -> Path:
+    """Return an image file beside the scene file, or else among the shipped assets."""
     beside = folder / file
-    return shipped.inside(folder if beside.is_file() else shipped.ASSETS, file, field)
+    return shipped.file_inside(folder if beside.is_file() else shipped.ASSETS, file, field)
 
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
@@ -85,22 +85,22 @@ def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     except InputError as error:
         raise SceneError(f"{field}: {error}") from error
     if photo.dtype != np.uint8:
-        raise SceneError(f"{field}: expected an 8-bit picture, got {photo.dtype}")
+        raise SceneError(f"{field}: expected an 8-bit image, got {photo.dtype}")
     return np.asarray(photo, dtype=np.uint8)
 
 
-def with_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
+def scale_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
     """Scale the deviations from the mean grey level by `contrast` and move the mean to `mean`."""
     own_mean = photo.mean(axis=(0, 1))
     levels = contrast * (photo - own_mean) + (own_mean if mean is None else mean)
     return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
 
 
-# --- flat things ----------------------------------------------------------------------------------------------
+# --- flat surfaces ----------------------------------------------------------------------------------------------
 
 
-def facing(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) -> Pose:
-    """Return `world_from_quad` of a quad whose printed face looks along `normal` and whose top is towards `up`."""
+def quad_pose(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) -> Pose:
+    """Return `world_from_quad` of a quad whose printed face points along `normal` and whose top is towards `up`."""
     z = np.asarray(normal, dtype=np.float64)
     x = np.cross(np.asarray(up, dtype=np.float64), z)
     if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
@@ -109,11 +109,13 @@ def facing(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) ->
     return compose(np.stack([x, np.cross(z, x), z], axis=1), center_m)
 
 
-def quads(tables: tuple[schema.QuadTable, ...], textures: Mapping[str, Paper]) -> Iterator[Quad]:
+def build_quads(tables: tuple[schema.QuadTable, ...], textures: Mapping[str, Paper]) -> Iterator[Quad]:
     """Yield the quads of `[[quads]]`."""
     for i, table in enumerate(tables):
-        texture = _texture(textures, table.texture, f"quads[{i}].texture").cover(table.size_m, f"quads[{i}].size_m")
-        pose = facing(table.normal, table.up, table.center_m, f"quads[{i}]")
+        texture = _texture(textures, table.texture, f"quads[{i}].texture").cover_surface(
+            table.size_m, f"quads[{i}].size_m"
+        )
+        pose = quad_pose(table.normal, table.up, table.center_m, f"quads[{i}]")
         yield Quad(table.name, texture, table.size_m, pose)
 
 
@@ -142,7 +144,9 @@ def room_quads(room: schema.RoomTable | None, textures: Mapping[str, Paper]) -> 
         if texture is not None:
             paper = _texture(textures, texture, f"room.{field}")
             size = (float(size_m[0]), float(size_m[1]))
-            yield Quad(name, paper.cover(size, f"room.{field}"), size, facing(normal, up, center_m, f"room.{field}"))
+            yield Quad(
+                name, paper.cover_surface(size, f"room.{field}"), size, quad_pose(normal, up, center_m, f"room.{field}")
+            )
 
 
 # --- markers --------------------------------------------------------------------------------------------------
@@ -154,7 +158,7 @@ def marker_quads(
     """Yield every marker as a quad of white paper with the pattern in its middle."""
     for i, table in enumerate(markers):
         field = f"markers[{i}]"
-        pose = facing(table.normal, table.up, table.center_m, field)
+        pose = quad_pose(table.normal, table.up, table.center_m, field)
         yield check_inside(_marker_quad(table.name, table, pose, field), room, f"{field}.center_m")
     for i, path in enumerate(paths):
         field = f"marker_paths[{i}]"
@@ -179,12 +183,12 @@ def _tile(kind: str, border: int) -> Texture:
 
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
-    """Return the (side, side) picture of a shipped marker."""
-    picture = shipped.ASSETS / "markers" / f"{kind}.png"
-    if not picture.is_file():
-        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
+    """Return the (side, side) image of a shipped marker."""
+    file = shipped.ASSETS / "markers" / f"{kind}.png"
+    if not file.is_file():
+        known = ", ".join(sorted(p.stem for p in file.parent.glob("*.png")))
         raise SceneError(f"{field}: expected one of {known}, got {kind!r}")
-    return _read_photo(picture, field)
+    return _read_photo(file, field)
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
@@ -192,8 +196,8 @@ def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
     curve = FloorPath(np.array(path.waypoints_m))
     arc = np.linspace(0, curve.length_m, path.count)
     return [
-        compose(rotation_about("z", turn), [*xy, path.height_m])
-        for xy, turn in zip(curve.at(arc), np.degrees(curve.heading_rad(arc)) - 90, strict=True)
+        compose(rotation_about("z", yaw_deg), [*xy, path.height_m])
+        for xy, yaw_deg in zip(curve.at(arc), np.degrees(curve.heading_rad(arc)) - 90, strict=True)
     ]
 
 
@@ -213,8 +217,8 @@ def check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
 # --- furniture ------------------------------------------------------------------------------------------------
 
 
-def meshes(boxes: tuple[schema.BoxTable, ...], tables: tuple[schema.DeskTable, ...]) -> tuple[Mesh, ...]:
-    """Return the boxes and tables as triangle meshes."""
+def build_meshes(boxes: tuple[schema.BoxTable, ...], tables: tuple[schema.DeskTable, ...]) -> tuple[Mesh, ...]:
+    """Return the boxes and desks as triangle meshes."""
     solids = [_mesh(table, [(table.size_m, (0.0, 0.0, table.size_m[2] / 2))]) for table in boxes]
     return (*solids, *(_mesh(table, list(_desk_parts(table))) for table in tables))
 
@@ -242,12 +246,12 @@ def _mesh(table: schema.BoxTable | schema.DeskTable, parts: list[tuple[Any, Any]
 # --- lights and camera ----------------------------------------------------------------------------------------
 
 
-def lights(tables: tuple[schema.LightTable, ...]) -> tuple[Light, ...]:
+def build_lights(tables: tuple[schema.LightTable, ...]) -> tuple[Light, ...]:
     """Return the lights."""
     return tuple(Light(**table.model_dump()) for table in tables)
 
 
-def camera(table: schema.CameraTable) -> Camera:
+def build_camera(table: schema.CameraTable) -> Camera:
     """Return the camera; focal length and principal point default to square pixels and the image centre."""
     base = _base_camera(table)
     own = {name: getattr(table, name) for name in ("fy", "cx", "cy") if getattr(table, name) is not None}
@@ -272,8 +276,8 @@ def _base_camera(table: schema.CameraTable) -> Camera:
     return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
 
 
-def trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
-    """Return the camera's way through the waypoints."""
+def build_trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
+    """Return the camera's trajectory through the waypoints."""
     poses = []
     for i, table in enumerate(tables):
         try:
@@ -284,7 +288,7 @@ def trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
 
 
 def check_camera(tables: tuple[schema.WaypointTable, ...], room: schema.RoomTable | None) -> None:
-    """Refuse a camera outside the room, under its floor for instance."""
+    """Refuse a camera outside the room, for instance under its floor."""
     for i, table in enumerate(tables):
         if room is not None and not (np.less(room.min_m, table.eye_m) & np.less(table.eye_m, room.max_m)).all():
             raise SceneError(

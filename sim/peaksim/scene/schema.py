@@ -15,13 +15,13 @@ Copies = Annotated[int, Field(ge=1, le=100)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
 
 
-class Table(BaseModel):
-    """A table of the file: unknown fields are errors, values are never converted silently."""
+class StrictTable(BaseModel):
+    """A table of a TOML file: unknown fields are errors, values are never converted silently."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class CameraTable(Table):
+class CameraTable(StrictTable):
     """`[camera]`: in pixels, in millimetres of lens and sensor, or a camera by name."""
 
     name: str | None = None
@@ -53,7 +53,7 @@ class CameraTable(Table):
         return self
 
 
-class WaypointTable(Table):
+class WaypointTable(StrictTable):
     """`[[trajectory]]`: where the camera is at a time, and what it looks at."""
 
     time_s: NotNegative = 0.0
@@ -61,7 +61,7 @@ class WaypointTable(Table):
     target_m: Point3
 
 
-class TextureTable(Table):
+class TextureTable(StrictTable):
     """`[textures.NAME]`: a photograph with its physical size, or a plain level."""
 
     file: str | None = None
@@ -78,7 +78,7 @@ class TextureTable(Table):
         return self
 
 
-class RoomTable(Table):
+class RoomTable(StrictTable):
     """`[room]`: an axis-aligned box; the named faces are papered with textures."""
 
     min_m: Point3
@@ -94,7 +94,7 @@ class RoomTable(Table):
         return self
 
 
-class QuadTable(Table):
+class QuadTable(StrictTable):
     """`[[quads]]`: a flat rectangle with a texture on its printed face."""
 
     name: Name
@@ -105,7 +105,7 @@ class QuadTable(Table):
     up: Point3
 
 
-class MarkerTable(Table):
+class MarkerTable(StrictTable):
     """`[[markers]]`: one printed marker on white paper."""
 
     name: Name
@@ -117,7 +117,7 @@ class MarkerTable(Table):
     up: Point3 = (0.0, 1.0, 0.0)
 
 
-class MarkerPathTable(Table):
+class MarkerPathTable(StrictTable):
     """`[[marker_paths]]`: markers at equal steps along a smooth curve on the floor."""
 
     name: Name
@@ -129,8 +129,8 @@ class MarkerPathTable(Table):
     height_m: NotNegative = 0.001
 
 
-class PosterTable(Table):
-    """`[[posters]]`: paper with a grid of markers of one size, hung up once or several times side by side."""
+class PosterTable(StrictTable):
+    """`[[posters]]`: paper with a grid of markers of one size, hung once or several times side by side."""
 
     name: Name
     paper_m: tuple[Positive, Positive] = (0.210, 0.297)
@@ -162,7 +162,7 @@ class PosterTable(Table):
         return self
 
 
-class BoxTable(Table):
+class BoxTable(StrictTable):
     """`[[boxes]]`: a solid box that stands on `center_m`."""
 
     name: Name
@@ -172,7 +172,7 @@ class BoxTable(Table):
     level: GreyLevel = 128.0
 
 
-class DeskTable(Table):
+class DeskTable(StrictTable):
     """`[[tables]]`: a table top on four legs, standing on `center_m`."""
 
     name: Name
@@ -191,7 +191,7 @@ class DeskTable(Table):
         return self
 
 
-class LightTable(Table):
+class LightTable(StrictTable):
     """`[[lights]]`: a multiplier of linear grey levels."""
 
     kind: Literal["ambient", "directional", "point"]
@@ -202,7 +202,7 @@ class LightTable(Table):
     casts_shadows: bool = True
 
 
-class SceneTable(Table):
+class SceneTable(StrictTable):
     """The whole file."""
 
     background: GreyLevel = 128.0

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from peaksim.scene.build import camera as build_camera
+from peaksim.scene.build import build_camera
 from peaksim.scene.file import read_table
 from rich.console import Console
 from rich.table import Table

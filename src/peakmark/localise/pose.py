@@ -139,7 +139,7 @@ def expected_shapes(
     """Return (n, 2) px and (n, 2, 2) px per tangent at which markers should be seen; nan outside the image."""
     xy = camera.project(transform(invert(world_from_camera), centers_m))
     with np.errstate(invalid="ignore"):
-        outside = ~((xy >= -0.5) & (xy <= np.array([camera.width, camera.height]) - 0.5)).all(axis=1)
+        outside = ~camera.contains(xy)
     xy[outside] = np.nan
     shapes = np.full((len(xy), 2, 2), np.nan)
     _, slopes = _projected(world_from_camera[None], centers_m, tangents_m)

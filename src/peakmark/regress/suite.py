@@ -10,14 +10,14 @@ from peaksim import shipped
 from peaksim.corpus.layout import CONFIGURATION
 from peaksim.corpus.read import open_corpus
 from peaksim.corpus.spec import CorpusSpec
-from peaksim.scene.schema import Name, NotNegative, Positive, Table
+from peaksim.scene.schema import Name, NotNegative, Positive, StrictTable
 from peaksim.toml_file import parse_toml, validate
 from pydantic import Field
 
 from peakmark.regress.detector import DetectorSettings
 
 
-class DetectorTable(Table):
+class DetectorTable(StrictTable):
     """`[detector]`: what is tested unless the command says otherwise."""
 
     name: str = "markers"
@@ -25,7 +25,7 @@ class DetectorTable(Table):
     parameters: dict[str, float | int | bool | str] = Field(default_factory=dict)
 
 
-class SuiteTable(Table):
+class SuiteTable(StrictTable):
     """The whole file."""
 
     name: Name

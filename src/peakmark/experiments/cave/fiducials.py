@@ -11,7 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.models import camera_named
-from peaksim.camera.sensor import Sensor, take
+from peaksim.camera.sensor import Sensor, capture_image
 from peaksim.geometry.pose import Pose, compose, invert, rotation_about, transform
 from peaksim.rendering import render
 from peaksim.scene import build as scene_build
@@ -162,7 +162,7 @@ def answer_trial(design: Design, condition: SheetCondition, rng: np.random.Gener
     code = int(rng.integers(id_count(design)))
     scene, pose = _scene(design, code, condition, rng), random_pose(condition, rng)
     frame = render(scene, CAMERA, pose, renderer="exact")
-    gray = take(frame.linear, Sensor(condition.blur_px, exposure=0.7, read_noise=condition.noise), rng)
+    gray = capture_image(frame.linear, Sensor(condition.blur_px, exposure=0.7, read_noise=condition.noise), rng)
     center = CAMERA.project(transform(invert(pose), centers_m(design))).mean(axis=0)
     start = perf_counter()
     found = find_design(design, gray)
@@ -227,11 +227,11 @@ def _patterns(design: Design, code: int, step: float) -> Iterator[tuple[NDArray[
 
 def _scene(design: Design, code: int, condition: SheetCondition, rng: np.random.Generator) -> Scene:
     photos = photographs("held-out")
-    photo = scene_build.with_contrast(photos[str(rng.choice(list(photos)))], float(rng.uniform(0.3, 1)), 140.0)
+    photo = scene_build.scale_contrast(photos[str(rng.choice(list(photos)))], float(rng.uniform(0.3, 1)), 140.0)
     size, sheet_m = (2.5, 2.5), _SHEET * SIDE_M
     away = np.eye(4)
     away[2, 3] = -0.002
-    wall = Quad("wall", scene_build.Paper(photo, float(rng.uniform(1.2, 2.5))).cover(size, "wall"), size, away)
+    wall = Quad("wall", scene_build.Paper(photo, float(rng.uniform(1.2, 2.5))).cover_surface(size, "wall"), size, away)
     quads = [wall, Quad("sheet", Texture.from_array(draw_sheet(design, code)), (sheet_m, sheet_m), np.eye(4))]
     if condition.occluded > 0:
         bar_m = condition.occluded * width_m(design)

@@ -4,7 +4,7 @@ Rooms of the two splits share no photograph, no camera and no kind of noise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
@@ -18,7 +18,7 @@ from peaksim.geometry.pose import Pose, compose, rotation_about
 from peaksim.scene import build as scene_build
 from peaksim.scene import schema
 from peaksim.scene.build import Paper
-from peaksim.scene.posters import copies_of
+from peaksim.scene.posters import poster_copies
 from peaksim.scene.scene import Mesh, Quad, Scene
 
 from peakmark.errors import InputError
@@ -129,7 +129,7 @@ def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
 def _paper(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]]) -> Paper:
     photo = photos[str(rng.choice(list(photos)))]
     contrast, mean = rng.uniform(0.2, 1.0), rng.uniform(80, 200)
-    return Paper(scene_build.with_contrast(photo, contrast, mean), float(rng.uniform(1.2, 2.5)))
+    return Paper(scene_build.scale_contrast(photo, contrast, mean), float(rng.uniform(1.2, 2.5)))
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def _array_poster(rng: np.random.Generator, code: int, slot: _Slot) -> Quad:
         normal=slot.normal,
         turn_deg=float(rng.uniform(-8, 8)),
     )
-    return next(copies_of(table, "array"))
+    return next(poster_copies(table, "array"))
 
 
 def _other_poster(
@@ -184,8 +184,8 @@ def _other_poster(
         photo = photos[str(rng.choice(list(photos)))]
         size = (width, min(0.42, width * photo.shape[0] / photo.shape[1]))
         paper = Paper(photo, size[0])
-        pose = scene_build.facing(slot.normal, (0.0, 0.0, 1.0), slot.center_m, "photograph")
-        return [Quad(f"photograph{number:02d}", paper.cover(size, "photograph"), size, pose)]
+        pose = scene_build.quad_pose(slot.normal, (0.0, 0.0, 1.0), slot.center_m, "photograph")
+        return [Quad(f"photograph{number:02d}", paper.cover_surface(size, "photograph"), size, pose)]
     side = float(rng.uniform(*SIDE_M))
     columns, rows = {"single": (1, 1), "block": (2, 2), "dense": (5, 7)}[str(kind)]
     side = 0.028 if kind == "dense" else side
@@ -200,7 +200,7 @@ def _other_poster(
         normal=slot.normal,
         turn_deg=float(rng.uniform(-8, 8)),
     )
-    return list(copies_of(table, "poster"))
+    return list(poster_copies(table, "poster"))
 
 
 def _furniture(rng: np.random.Generator, size: NDArray[np.float64]) -> list[Mesh]:
@@ -214,7 +214,7 @@ def _furniture(rng: np.random.Generator, size: NDArray[np.float64]) -> list[Mesh
         )
         for k in range(int(rng.integers(1, 4)))
     )
-    return list(scene_build.meshes(boxes, ()))
+    return list(scene_build.build_meshes(boxes, ()))
 
 
 # --- cameras ------------------------------------------------------------------------------------------------
@@ -233,14 +233,6 @@ CAMERAS: Mapping[Split, tuple[Camera, ...]] = {
     ),
 }
 """The training cameras have no distortion. The first held-out one is the paper's second camera."""
-
-
-def resized(camera: Camera, share: float) -> Camera:
-    """Return a camera whose picture has `share` of the width and height, rounded, and the same field of view."""
-    width, height = round(camera.width * share), round(camera.height * share)
-    x, y = width / camera.width, height / camera.height
-    center = (camera.cx + 0.5) * x - 0.5, (camera.cy + 0.5) * y - 0.5
-    return replace(camera, width=width, height=height, fx=camera.fx * x, fy=camera.fy * y, cx=center[0], cy=center[1])
 
 
 def random_sensor(rng: np.random.Generator, split: Split) -> Sensor:

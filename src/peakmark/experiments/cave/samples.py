@@ -8,21 +8,13 @@ from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import resized
 from peaksim.camera.frame import Frame, MarkerTruth
 from peaksim.camera.sensor import apply_sensor
 from peaksim.rendering import render
 
 from peakmark.errors import InputError
-from peakmark.experiments.cave.rooms import (
-    CAMERAS,
-    Room,
-    Split,
-    photographs,
-    random_room,
-    random_sensor,
-    random_view,
-    resized,
-)
+from peakmark.experiments.cave.rooms import CAMERAS, Room, Split, photographs, random_room, random_sensor, random_view
 from peakmark.identification.evidence import feature_evidence
 from peakmark.identification.model import LAYERS
 from peakmark.identification.search import detect_features

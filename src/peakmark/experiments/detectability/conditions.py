@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame
-from peaksim.camera.sensor import Sensor, take
+from peaksim.camera.sensor import Sensor, capture_image
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.rendering import render
 from peaksim.scene.scene import Mark, Quad, Scene
@@ -167,7 +167,7 @@ def expose_drawing(drawing: Drawing, condition: Condition, rng: np.random.Genera
     """Take an image of a drawing with the condition's contrast, blur, light and noise."""
     linear = drawing.faded + np.float32(condition.contrast) * (drawing.linear - drawing.faded)
     linear = motion_blurred(linear, condition.motion_px, drawing.direction_deg)
-    image = take(linear, _sensor(condition), rng)
+    image = capture_image(linear, _sensor(condition), rng)
     return MarkerImage(image, drawing.center_xy, drawing.blob_xy, drawing.side_px)
 
 

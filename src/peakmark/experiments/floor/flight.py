@@ -11,7 +11,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import Frame
-from peaksim.camera.sensor import take
+from peaksim.camera.sensor import capture_image
 from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.ride import Ride
@@ -133,4 +133,4 @@ def render_frame(flight: Flight, index: int) -> Frame:
     renderer = faster_renderer(flight.config.renderer, scene)
     frame = render(scene, flight.ride.camera, flight.ride.trajectory, renderer=renderer, time_s=time_s)
     noise = np.random.default_rng((flight.config.seed, index))
-    return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
+    return replace(frame, image=capture_image(frame.linear, flight.ride.sensor_at(time_s), noise))

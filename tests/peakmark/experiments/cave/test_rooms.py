@@ -2,21 +2,12 @@
 
 import numpy as np
 import pytest
-from peaksim.camera.camera import Camera
 from peaksim.camera.shutter import still
 from peaksim.geometry.pose import invert, transform
 from peaksim.truth.markers import marker_truth
 
 from peakmark.errors import InputError
-from peakmark.experiments.cave.rooms import (
-    CAMERAS,
-    PHOTOGRAPHS,
-    photographs,
-    random_room,
-    random_sensor,
-    random_view,
-    resized,
-)
+from peakmark.experiments.cave.rooms import CAMERAS, PHOTOGRAPHS, photographs, random_room, random_sensor, random_view
 from peakmark.score.arrays import printed_arrays
 
 
@@ -76,14 +67,6 @@ def test_a_view_sees_an_array_at_the_asked_distance_and_tilt(seed: int) -> None:
     assert len(aimed) == 1
     in_camera = transform(invert(pose), aimed)[0]
     assert in_camera[2] > np.cos(np.radians(22)) * 1.2
-
-
-@pytest.mark.parametrize("camera", CAMERAS["held-out"])
-def test_a_smaller_image_has_the_same_field_of_view(camera: Camera) -> None:
-    small = resized(camera, 0.5)
-    assert (small.width, small.height) == (camera.width / 2, camera.height / 2)
-    points = np.random.default_rng(0).uniform([-0.3, -0.3, 1], [0.3, 0.3, 2], (20, 3))
-    assert np.allclose(2 * small.project(points) + 0.5, camera.project(points))
 
 
 def test_an_unknown_split_is_refused() -> None:

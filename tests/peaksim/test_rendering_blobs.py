@@ -1,11 +1,11 @@
-"""Where blobs are in the picture is where the truth says: at 200 random points and in the corners, for every camera."""
+"""Where blobs are in the image is where the truth says: at 200 random points and in the corners, for every camera."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.rendering import Renderer
 
@@ -34,7 +34,7 @@ def moving(metres: tuple[float, float, float], turn_deg: float) -> Trajectory:
     return Trajectory(np.array([-0.5, -0.15, 0.2, 0.5]), np.stack(poses))
 
 
-def places(camera: Camera, inset_px: float) -> np.ndarray:
+def image_points(camera: Camera, inset_px: float) -> np.ndarray:
     """Return (200, 2) random px that lie apart, the corners among them."""
     rng = np.random.default_rng(7)
     x, y = np.meshgrid((np.arange(20) + 0.5) * camera.width / 20, (np.arange(10) + 0.5) * camera.height / 10)
@@ -44,16 +44,16 @@ def places(camera: Camera, inset_px: float) -> np.ndarray:
     return xy
 
 
-def blobs(shot: Shot, xy: np.ndarray) -> Scene:
+def blobs(posed: PosedCamera, xy: np.ndarray) -> Scene:
     """Return Gaussian blobs that face the camera, on squares of about `BLOB_PX`, at (n, 2) px and random distances."""
     rng = np.random.default_rng(8)
     quads = []
-    _, _, rays = Shot(replace(shot.camera, row_time_s=0.0), shot.trajectory, shot.time_s).rays(xy)
+    _, _, rays = PosedCamera(replace(posed.camera, row_time_s=0.0), posed.trajectory, posed.time_s).rays(xy)
     for k, ray in enumerate(rays / np.linalg.norm(rays, axis=1, keepdims=True)):
         distance = rng.uniform(1.0, 6.0)
-        center = shot.pose[:3, 3] + distance * ray
-        side = BLOB_PX * distance / shot.camera.fx
-        down = shot.pose[:3, 1] - (shot.pose[:3, 1] @ ray) * ray
+        center = posed.pose[:3, 3] + distance * ray
+        side = BLOB_PX * distance / posed.camera.fx
+        down = posed.pose[:3, 1] - (posed.pose[:3, 1] @ ray) * ray
         down /= np.linalg.norm(down)
         facing = np.stack([np.cross(down, ray), -down, -ray], axis=1)
         quads.append(Quad(f"blob{k}", BLOB, (side, side), compose(facing, center), marker="blob"))
@@ -100,13 +100,13 @@ def test_opengl_puts_blobs_where_truth_says(name: str) -> None:
 
 def errors_px(camera: Camera, trajectory: Trajectory | None, renderer: Renderer) -> np.ndarray:
     """Return the 200 distances of rendered blobs' centroids from their truth, px."""
-    way = trajectory or Trajectory(np.zeros(1), START[None])
-    shot = Shot(camera, way)
-    scene = blobs(shot, places(camera, 12 if trajectory else 7))
-    frame = render(scene, camera, way if trajectory else START, renderer=renderer)
+    motion = trajectory or Trajectory(np.zeros(1), START[None])
+    posed = PosedCamera(camera, motion)
+    scene = blobs(posed, image_points(camera, 12 if trajectory else 7))
+    frame = render(scene, camera, motion if trajectory else START, renderer=renderer)
     truth = np.array([t.blur_mean_xy for t in frame.truth])
     assert len(truth) == 200
     if trajectory is None:
         assert np.array_equal(truth, [t.center_xy for t in frame.truth])
-    found = centroids(frame.linear, truth, 10 if shot.is_blurred else 7)
+    found = centroids(frame.linear, truth, 10 if posed.is_blurred else 7)
     return np.linalg.norm(found - truth, axis=1)

@@ -43,10 +43,10 @@ def rectangle(pose: Pose, size_m: tuple[float, float], reflectance: dict) -> dic
 
 def sensor(samples: int) -> dict:
     # Mitsuba's camera looks along z with x to the left
-    turned = POSE @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    rotated = POSE @ np.diag([-1.0, -1.0, 1.0, 1.0])
     return {
         "type": "perspective",
-        "to_world": mitsuba.ScalarTransform4f(turned),
+        "to_world": mitsuba.ScalarTransform4f(rotated),
         "fov_axis": "x",
         "fov": float(np.degrees(2 * np.arctan(CAMERA.width / 2 / CAMERA.fx))),
         "near_clip": 0.01,
@@ -63,20 +63,20 @@ def sensor(samples: int) -> dict:
 
 
 def estimate(shapes: dict, integrator: dict) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean picture of independent rounds and the standard error of each pixel, grey levels."""
+    """Return the mean image of independent rounds and the standard error of each pixel, grey levels."""
     scene = mitsuba.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor(SAMPLES), **shapes})
     rounds = np.stack([255 * np.array(mitsuba.render(scene, seed=k))[:, :, 0] for k in range(ROUNDS)])
     return rounds.mean(axis=0), rounds.std(axis=0, ddof=1) / np.sqrt(ROUNDS)
 
 
-def assert_within_noise(picture: np.ndarray, mean: np.ndarray, error: np.ndarray) -> None:
+def assert_within_noise(image: np.ndarray, mean: np.ndarray, error: np.ndarray) -> None:
     """Assert that the standardised differences are those of Student's t with ROUNDS − 1 degrees of freedom."""
     noisy = error > 0.05
-    z = (picture - mean)[noisy] / error[noisy]
-    assert np.abs(picture - mean)[~noisy].max(initial=0) < 1
+    z = (image - mean)[noisy] / error[noisy]
+    assert np.abs(image - mean)[~noisy].max(initial=0) < 1
     assert abs(z.mean()) < 4 / np.sqrt(len(z)) * 1.2  # no bias
     assert z.std() < 1.4  # of t: √(7/5) = 1.18
-    assert np.abs(picture - mean).mean() < 1.2 * np.abs(error[noisy]).mean()
+    assert np.abs(image - mean).mean() < 1.2 * np.abs(error[noisy]).mean()
 
 
 @pytest.fixture(autouse=True)
@@ -95,8 +95,8 @@ def test_textured_quads_agree_with_mitsuba(renderer: Renderer) -> None:
         for q in quads()
     }
     mean, error = estimate(shapes, {"type": "path", "max_depth": 1})
-    picture = render(Scene(quads(), background=0.0), CAMERA, POSE, renderer=renderer).linear
-    assert_within_noise(picture, mean, error)
+    image = render(Scene(quads(), background=0.0), CAMERA, POSE, renderer=renderer).linear
+    assert_within_noise(image, mean, error)
 
 
 @pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
@@ -113,5 +113,5 @@ def test_a_lit_scene_with_a_shadow_agrees_with_mitsuba(renderer: Renderer) -> No
         "lamp": {"type": "point", "position": list(light.position_m), "intensity": power},
     }
     mean, error = estimate(shapes, {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0})
-    picture = render(Scene((floor,), (roof,), (light,), background=0.0), CAMERA, POSE, renderer=renderer).linear
-    assert_within_noise(picture, mean, error)
+    image = render(Scene((floor,), (roof,), (light,), background=0.0), CAMERA, POSE, renderer=renderer).linear
+    assert_within_noise(image, mean, error)
