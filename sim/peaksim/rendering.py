@@ -16,6 +16,7 @@ from peaksim.errors import SceneError
 from peaksim.geometry.pose import rigid
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
+from peaksim.gl.context import why_not
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
 from peaksim.truth.surfaces import surfaces, surfaces_at
@@ -100,10 +101,10 @@ def choose(shot: Shot, renderer: Renderer) -> Literal["exact", "gl"]:
         return "gl"
     if shot.is_rolling:
         return "exact"
-
-    if render_gl.is_available():
+    reason = why_not()
+    if reason is None:
         return "gl"
-    _say_once("no OpenGL context opens here: going on with the exact renderer, which needs none")
+    _say_once(f"{reason}; drawing with the exact renderer, which needs no OpenGL")
     return "exact"
 
 
