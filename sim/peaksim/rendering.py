@@ -16,6 +16,7 @@ from peaksim.errors import SceneError
 from peaksim.geometry.pose import rigid
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
+from peaksim.gl.context import why_not
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
 from peaksim.truth.surfaces import surfaces, surfaces_at
@@ -101,10 +102,10 @@ def choose_renderer(posed: PosedCamera, renderer: Renderer) -> Literal["exact", 
         return "gl"
     if posed.is_rolling:
         return "exact"
-
-    if render_gl.is_available():
+    reason = why_not()
+    if reason is None:
         return "gl"
-    _warn_once("no OpenGL context opens here: using the exact renderer, which needs none")
+    _warn_once(f"{reason}; drawing with the exact renderer, which needs no OpenGL")
     return "exact"
 
 

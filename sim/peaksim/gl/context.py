@@ -6,8 +6,11 @@ No other module imports pyrender.
 import atexit
 import ctypes
 import os
+import sys
 from functools import cache, lru_cache
+from importlib import import_module
 from itertools import count
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -29,11 +32,16 @@ _FAILURES = (AssertionError, RuntimeError, ctypes.ArgumentError, OSError)
 
 def is_available() -> bool:
     """Return whether an OpenGL context opens here."""
+    return why_not() is None
+
+
+def why_not() -> str | None:
+    """Return why no OpenGL context opens here, in one line; None where one does."""
     try:
         gl_renderer()
-    except RendererError:
-        return False
-    return True
+    except RendererError as error:
+        return " ".join(str(error).split())
+    return None
 
 
 def gl_renderer() -> str:
@@ -62,8 +70,7 @@ def draw_numbers(
     SceneError
         If there are too many faces to number.
     """
-    import pyrender
-
+    pyrender = _pyrender()
     try:
         renderer, drawn = open_context()[0], _drawn(scene)
         renderer.viewport_width, renderer.viewport_height = window.columns, window.rows
@@ -87,8 +94,7 @@ def draw_numbers(
 @lru_cache(maxsize=1)
 def _drawn(scene: Scene) -> Any:
     """Return the scene for pyrender: one mesh with numbers for colours, so that the order of drawing never varies."""
-    import pyrender
-
+    pyrender = _pyrender()
     squares = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
     triangles = triangles_m(scene.meshes)
     total = len(squares) + len(triangles)
@@ -110,8 +116,7 @@ def _drawn(scene: Scene) -> Any:
 
 def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: int) -> Any:
     """Return (n, k, 3) corners as lines or triangles, each in the colour of its number, seen from both sides."""
-    import pyrender
-
+    pyrender = _pyrender()
     colours = np.ones((*corners.shape[:2], 4), np.float32)
     colours[:, :, :3] = (numbers[:, None, None] >> np.array([0, 8, 16]) & 255) / 255
     material = pyrender.MetallicRoughnessMaterial(baseColorFactor=[1.0] * 4, doubleSided=True)
@@ -123,9 +128,8 @@ def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: in
 def open_context() -> tuple[Any, str]:
     """Return the one pyrender renderer, opened on first use (EGL, else OSMesa), and OpenGL's renderer string."""
     try:
-        ctypes.CDLL("libGL.so.1")  # pyglet, which pyrender imports, loads it
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl" if _loads("libEGL.so.1") else "osmesa")
-        import pyrender
+        pyrender = _pyrender()
         from OpenGL.GL import GL_RENDERER, glGetString
 
         _multisample_off()
@@ -138,6 +142,33 @@ def open_context() -> tuple[Any, str]:
         raise RendererError(f"no OpenGL context opens: {type(error).__name__} {error}") from error
     renderer._renderer._read_main_framebuffer = _read_numbers
     return renderer, name
+
+
+@cache
+def _pyrender() -> Any:
+    """Import pyrender without its viewer, whose window toolkit needs X libraries that machines without a screen lack.
+
+    Who asks for `pyrender.Viewer` afterwards gets it all the same, where those libraries are.
+    """
+    if "pyrender" in sys.modules:
+        return sys.modules["pyrender"]
+    stand_in: Any = ModuleType("pyrender.viewer")
+    stand_in.Viewer = None
+    sys.modules[stand_in.__name__] = stand_in
+    try:
+        import pyrender
+    finally:
+        del sys.modules[stand_in.__name__]
+    del pyrender.Viewer
+    pyrender.__getattr__ = _viewer
+    return pyrender
+
+
+def _viewer(name: str) -> Any:
+    """Answer what pyrender's module lacks (PEP 562)."""
+    if name == "Viewer":
+        return import_module("pyrender.viewer").Viewer
+    raise AttributeError(f"module 'pyrender' has no attribute {name!r}")
 
 
 def _close_context() -> None:
