@@ -87,8 +87,16 @@ def content(path: Path) -> Any:
         return dict(leaves([json.loads(line) for line in lines]))
     if path.suffix == ".csv":
         with path.open(encoding="utf-8", newline="") as file:
-            return dict(leaves(list(csv.DictReader(file))))
+            return dict(leaves([{name: as_number(text) for name, text in row.items()} for row in csv.DictReader(file)]))
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def as_number(text: str) -> float | str:
+    """Return a cell's number, or the cell where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def differences(before: Path, after: Path) -> Iterator[str]:
