@@ -37,6 +37,7 @@ FLOORS = (
     ("peakmark.experiments.run",),
     ("peakmark.experiments.floor", "peakmark.experiments.detectability"),
     ("peakmark.experiments.robot", "peakmark.experiments.cave"),
+    ("peakmark.experiments.search",),
     ("peakmark.experiments",),
     ("peakmark.cli",),
     ("peakmark",),

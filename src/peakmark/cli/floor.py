@@ -16,7 +16,7 @@ from peakmark.experiments.floor.flights import FLIGHTS
 from peakmark.experiments.floor.still import FloorConfig
 from peakmark.experiments.robot import drive_results
 from peakmark.experiments.robot.drive import DriveConfig
-from peakmark.identification.api import Rule
+from peakmark.identification.api import Narrower
 
 _STAGES = "render, detect, identify, score"
 
@@ -59,7 +59,10 @@ def render_floor(
     frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and result.json.
     """
     console = Console(quiet=quiet)
-    drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or ("paper" if trajectory is None else "joint"))
+    drawn_by, decided_by = (
+        cast(Renderer, renderer),
+        cast(Narrower, rule or ("paper" if trajectory is None else "joint")),
+    )
     if trajectory is not None:
         flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map)
         _fly(console, flight, out, resume)

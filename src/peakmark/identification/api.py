@@ -1,5 +1,6 @@
-"""Image → markers: `identify`, by the paper's rule (`paper`) or by one decision on each feature (`search`)."""
+"""Image → markers: `identify`, in any image (`general`), on a floor (`search`), or by the paper's rule (`paper`)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
@@ -14,8 +15,9 @@ from peakmark.identification.detection import (
     pattern_name,
     unrefined_detections,
 )
+from peakmark.identification.general import detect_markers
 from peakmark.identification.paper import select_markers
-from peakmark.identification.search import PAD_SHARE, detect_to_the_border, find_markers, inside, search_image
+from peakmark.identification.search import PAD_SHARE, detect_to_the_border, find_markers, inside
 from peakmark.identification.signature import signature_distances
 from peakmark.identification.stretch import Stretch, stretched, unstretched
 from peakmark.keypoints.image import as_gray
@@ -24,7 +26,9 @@ from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
 from peakmark.refine.api import refine
 
-Rule = Literal["joint", "paper"]
+Rule = Literal["general", "joint", "paper"]
+Narrower = Literal["joint", "paper"]
+"""Rules that search one polarity in one stretch."""
 
 LOW_THRESHOLD = 100.0
 """Hessian threshold that keeps tens of thousands of features of a floor image ("very low", Section 4.2)."""
@@ -35,51 +39,74 @@ STRONGEST = 300
 
 def identify(
     image: ArrayLike,
-    stretch: Stretch = 2.0,
-    polarity: Polarity | Literal["both"] = "dark",
-    threshold: float = LOW_THRESHOLD,
-    rule: Rule = "joint",
-    limit: Limit = "energy",
-    refine: bool = True,
+    stretch: Stretch | None = None,
+    polarity: Polarity | Literal["both"] | None = None,
+    threshold: float | None = None,
+    rule: Rule | None = None,
+    limit: Limit | None = None,
+    refine: bool | None = None,
 ) -> tuple[Detection, ...]:
     """Return the markers in an image, strongest first; none is an empty tuple.
+
+    `identify(image)` finds dark and light markers of any size, rotation and tilt, in any light, in anybody's image
+    (`identification.general`). What is said of the floor or of the rule narrows the search.
 
     Parameters
     ----------
     image
         Grey or RGB; see `peakmark.keypoints.image.as_gray`.
-    stretch
-        Vertical stretch before detection: about 1 / cos(tilt) of the surface that carries the markers; 2 is the
-        paper's, `identification.stretch.floor_stretch` gives each row its own where the camera's pitch is known.
-    polarity
-        Which markers to look for. "both" is for walls: any number of dark and light ones, as `peakmark.decode_arrays`
-        wants them; see `search.search_image`, which neither stretches nor uses the threshold.
-    threshold
-        Hessian threshold of the detector.
     rule
-        "joint" weighs response and signature of each feature, and aligns the printed pattern: for any number of
-        markers, also none. "paper" ranks by response and cuts at the largest drop (Section 4.2).
+        "general" searches everywhere, see above. "joint" weighs response and signature of each feature of one polarity
+        in one stretch, and aligns the printed pattern: for floors, any number of markers, also none. "paper" ranks by
+        response and cuts at the largest drop (Section 4.2). Unless given, "general", and "joint" where anything but the
+        polarity is given.
+    polarity
+        Which markers to look for; "both" unless given, and "dark" by the narrower rules, which look for one.
+    stretch
+        Vertical stretch before detection: about 1 / cos(tilt) of the surface that carries the markers; 2, the paper's,
+        unless given. `identification.stretch.floor_stretch` gives each row its own where the camera's pitch is known.
+    threshold
+        Hessian threshold of the detector; 100 unless given.
     limit
-        Which marker was printed: "energy" (the paper's) or "range".
+        Which marker was printed: "energy" (the paper's) unless given, or "range".
     refine
         Align the printed pattern with the image (`peakmark.refine`): centres to hundredths of a pixel, and the
-        affinity. False leaves positions and sizes as SURF tells them.
+        affinity. True unless given; False leaves positions and sizes as SURF tells them.
 
     Raises
     ------
     InputError
-        If the stretch is not in 0.25…8, polarity or rule is unknown, both polarities are asked for with another rule
-        or limit than the default, or the image is not one that `surf.detect` takes.
+        If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities are asked for with a
+        narrower rule, anything but the polarity with the general one, or the image is not one that `surf.detect` takes.
     """
-    if polarity not in ("dark", "light", "both"):
-        raise InputError(f"polarity: expected dark, light or both, got {polarity!r}")
+    narrowing = {"stretch": stretch, "threshold": threshold, "limit": limit, "refine": refine}
+    given = [name for name, value in narrowing.items() if value is not None]
+    rule = rule or ("joint" if given else "general")
+    polarity = polarity or ("both" if rule == "general" else "dark")
+    _check_choices(rule, polarity, limit or "energy", given)
     gray = as_gray(image)
-    if polarity == "both":
-        if (rule, limit) != ("joint", "energy"):
-            raise InputError('rule, limit: expected "joint" and "energy" for both polarities')
-        return search_image(gray).detections
-    features = detect_stretched(gray, stretch, threshold, None if rule == "paper" else STRONGEST)
-    return identify_features(gray, features, polarity, rule, stretch, limit, refine).detections
+    if rule == "general":
+        return detect_markers(gray, get_args(Polarity) if polarity == "both" else (polarity,))
+    assert polarity != "both"
+    stretch = 2.0 if stretch is None else stretch
+    strongest = None if rule == "paper" else STRONGEST
+    features = detect_stretched(gray, stretch, LOW_THRESHOLD if threshold is None else threshold, strongest)
+    is_refined = refine is None or refine
+    return identify_features(gray, features, polarity, rule, stretch, limit or "energy", is_refined).detections
+
+
+def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -> None:
+    for name, value, choices in (
+        ("rule", rule, get_args(Rule)),
+        ("polarity", polarity, (*get_args(Polarity), "both")),
+        ("limit", limit, get_args(Limit)),
+    ):
+        if value not in choices:
+            raise InputError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
+    if rule == "general" and given:
+        raise InputError(f'{given[0]}: expected none with rule "general", which searches everywhere')
+    if rule != "general" and polarity == "both":
+        raise InputError(f'polarity: expected dark or light with rule "{rule}", got "both"')
 
 
 def detect_stretched(
@@ -104,14 +131,14 @@ def identify_features(
     gray: NDArray[np.uint8],
     features: Keypoints,
     polarity: Polarity = "dark",
-    rule: Rule = "joint",
+    rule: Narrower = "joint",
     stretch: Stretch = 2.0,
     limit: Limit = "energy",
     refine: bool = True,
 ) -> Identification:
     """Return which of an image's features, strongest first and with descriptors, are markers; see `identify`."""
-    if rule not in get_args(Rule):
-        raise InputError(f"rule: expected one of {', '.join(get_args(Rule))}, got {rule!r}")
+    if rule not in get_args(Narrower):
+        raise InputError(f"rule: expected one of {', '.join(get_args(Narrower))}, got {rule!r}")
     assert features.descriptors is not None
     distances = signature_distances(features.descriptors, polarity)
     if rule == "paper":

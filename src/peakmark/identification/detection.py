@@ -28,13 +28,15 @@ class Detection:
     response: float
     """Determinant of the Hessian."""
     signature_distance: float
-    """Euclidean distance from the ideal marker's signature."""
+    """Euclidean distance from the ideal marker's signature; nan where no descriptor was computed."""
     rank: int
     """1-based rank of the feature by response among all features of the image."""
     affinity: NDArray[np.float64] | None = None
     """(2, 2) px per side of the pattern's x and y axes at the centre; None where nothing was refined."""
     explained: float | None = None
     """Share of the grey levels' variance that the printed pattern explains, 0…1; None where nothing was refined."""
+    probability: float | None = None
+    """That it is a marker, 0…1, by the model of the general search; None by the other rules."""
 
 
 @dataclass(frozen=True)

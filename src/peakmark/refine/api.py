@@ -142,7 +142,7 @@ def _refined(
     shift = np.linalg.norm(theta[:, :2] - positions, axis=1) / sizes
     converged = converged & (theta[:, 8] > 0) & (explained > _MIN_EXPLAINED) & (shift < _MAX_SHIFT)
     converged = converged & (ratio < _SIZE_RATIO) & (ratio > 1 / _SIZE_RATIO)
-    rotation = _upright_rotation(affine)
+    rotation = upright_rotation(affine)
     keep = converged[:, None]
     linear = np.zeros((len(theta), 6, 6))
     linear[:, :2, :2] = np.eye(2)
@@ -163,7 +163,7 @@ def _refined(
     )
 
 
-def _upright_rotation(affine: NDArray[np.float64]) -> NDArray[np.float64]:
+def upright_rotation(affine: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, 2, 2) rotations R by multiples of 90° for which A R is rotated by at most 45°."""
     angle = np.arctan2(affine[:, 1, 0] - affine[:, 0, 1], affine[:, 0, 0] + affine[:, 1, 1])
     quarters = -np.rint(angle / (np.pi / 2))

@@ -86,13 +86,13 @@ def select_pixels(parameters, lines, extent, width, height, stride):
     Pixels within reach of a line are taken where (x + y) is divisible by `stride`; the others, which only tell
     gain and offset, on a grid four times as wide.
     """
-    left, top, right, bottom = _bounds(parameters, extent, width, height)
+    left, top, right, bottom = pixel_bounds(parameters, extent, width, height)
     found = np.empty((max(0, right - left) * max(0, bottom - top), 2), np.int32)
     count = 0
     reach = 2.5 * sqrt(PIXEL_VARIANCE + parameters[10])
     for y in range(top, bottom):
         for x in range(left, right):
-            u, v, w, ux, uy, vx, vy = _pattern_point(parameters, x, y)
+            u, v, w, ux, uy, vx, vy = pattern_point(parameters, x, y)
             reach_u, reach_v = reach * sqrt(ux * ux + uy * uy), reach * sqrt(vx * vx + vy * vy)
             if w <= _MIN_DEPTH or abs(u) > extent - reach_u or abs(v) > extent - reach_v:
                 continue
@@ -106,7 +106,7 @@ def select_pixels(parameters, lines, extent, width, height, stride):
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _pattern_point(parameters, x, y):
+def pattern_point(parameters, x, y):
     """Return u, v, w = 1 + g·u and ∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y at a pixel; w = 0 beyond the horizon."""
     dx, dy = x - parameters[0], y - parameters[1]
     b11, b12 = parameters[2] - dx * parameters[6], parameters[3] - dx * parameters[7]
@@ -131,12 +131,12 @@ def residuals(gray, pixels, parameters, lines, levels):
     shares = np.empty((6, lines.size + 1))
     for i in range(len(pixels)):
         x, y = pixels[i, 0], pixels[i, 1]
-        u, v, w, ux, uy, vx, vy = _pattern_point(parameters, x, y)
+        u, v, w, ux, uy, vx, vy = pattern_point(parameters, x, y)
         if w <= _MIN_DEPTH:
             continue
         blur_u, blur_v = blur * (ux * ux + uy * uy), blur * (vx * vx + vy * vy)
-        u_first, u_last = _steps(u, abs(ux), abs(uy), blur_u, lines, shares[0], shares[1], shares[2])
-        v_first, v_last = _steps(v, abs(vx), abs(vy), blur_v, lines, shares[3], shares[4], shares[5])
+        u_first, u_last = smoothed_shares(u, abs(ux), abs(uy), blur_u, lines, shares[0], shares[1], shares[2])
+        v_first, v_last = smoothed_shares(v, abs(vx), abs(vy), blur_v, lines, shares[3], shares[4], shares[5])
         seen, du, dv, db = 0.0, 0.0, 0.0, 0.0
         for row in range(v_first, v_last + 1):
             across, slope, bend = 0.0, 0.0, 0.0
@@ -176,7 +176,7 @@ def gram(rows):
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _steps(u, width, other, blur, lines, value, slope, bend):
+def smoothed_shares(u, width, other, blur, lines, value, slope, bend):
     """Fill each interval's share of what a pixel at u sees, with its first and second derivative by u.
 
     The pixel is a box of the greater of `width` and `other` and a Gaussian, see `smooth_step`. Returns the
@@ -215,7 +215,7 @@ def _normal(z):
 
 
 @kernel
-def _bounds(parameters, extent, width, height):
+def pixel_bounds(parameters, extent, width, height):
     """Return the pixels left, top, right end and bottom end around the pattern's extent, inside the image."""
     x_low, y_low, x_high, y_high = 1e9, 1e9, -1e9, -1e9
     for k in range(4):

@@ -20,7 +20,7 @@ from peaksim.scene.scene import Scene
 
 from peakmark.errors import InputError
 from peakmark.experiments.floor.view import FloorView, faster_renderer, score_view
-from peakmark.identification.api import STRONGEST, Rule
+from peakmark.identification.api import STRONGEST, Narrower
 from peakmark.identification.stretch import LARGEST, SMALLEST, Stretch, floor_stretch
 from peakmark.localise.locate import FloorMap
 
@@ -42,7 +42,7 @@ class FlightConfig:
     stretch: float | None = None
     """Vertical stretch before detection; None gives each row the one that the camera's pitch implies, where that is
     known, else 2."""
-    rule: Rule = "joint"
+    rule: Narrower = "joint"
     """How key points become markers."""
     frames: int | None = None
     """Only so many frames from the start; None takes all."""
@@ -55,7 +55,7 @@ class FlightConfig:
             ("frames", self.frames, self.frames is None or 1 <= self.frames <= 1_000_000, "1…1000000"),
             ("stretch", self.stretch, self.stretch is None or SMALLEST <= self.stretch <= LARGEST, "0.25…8"),
             ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl or exact"),
-            ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
+            ("rule", self.rule, self.rule in get_args(Narrower), "joint or paper"),
         ):
             if not fits:
                 raise InputError(f"--{name}: expected {expected}, got {value}")
@@ -122,7 +122,7 @@ def render_view(flight: Flight, index: int) -> FloorView:
     return score_flight_view(index, frame, perf_counter() - start, flight.stretch, flight.config.rule)
 
 
-def score_flight_view(index: int, frame: Frame, render_s: float, stretch: Stretch, rule: Rule) -> FloorView:
+def score_flight_view(index: int, frame: Frame, render_s: float, stretch: Stretch, rule: Narrower) -> FloorView:
     """Score a frame that took so long to render, from its strongest features unless the paper's rule wants all."""
     return score_view(index, frame, render_s, stretch, rule, None if rule == "paper" else STRONGEST)
 

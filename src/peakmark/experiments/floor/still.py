@@ -13,7 +13,7 @@ from peaksim.scene.file import Setup, load_scene
 
 from peakmark.errors import InputError
 from peakmark.experiments.floor.view import FloorView, ViewRow, score_view
-from peakmark.identification.api import Rule
+from peakmark.identification.api import Narrower
 from peakmark.identification.stretch import LARGEST, SMALLEST
 from peakmark.score.markers import Localisation, localisation
 
@@ -34,7 +34,7 @@ class FloorConfig:
     """Vertical stretch before detection."""
     frames: int = 1
     """Frames along the trajectory; 1 is taken from its first pose."""
-    rule: Rule = "paper"
+    rule: Narrower = "paper"
     """How key points become markers."""
 
     def __post_init__(self) -> None:
@@ -43,7 +43,7 @@ class FloorConfig:
             ("frames", self.frames, 1 <= self.frames <= 1_000_000, "1…1000000"),
             ("stretch", self.stretch, SMALLEST <= self.stretch <= LARGEST, "0.25…8"),
             ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl or exact"),
-            ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
+            ("rule", self.rule, self.rule in get_args(Narrower), "joint or paper"),
         ):
             if not fits:
                 raise InputError(f"--{name}: expected {expected}, got {value}")

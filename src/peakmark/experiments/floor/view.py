@@ -8,7 +8,7 @@ from peaksim.camera.frame import Frame
 from peaksim.rendering import Renderer
 from peaksim.scene.scene import Scene
 
-from peakmark.identification.api import Rule, detect_stretched, identify_features
+from peakmark.identification.api import Narrower, detect_stretched, identify_features
 from peakmark.identification.detection import Identification
 from peakmark.identification.stretch import Stretch
 from peakmark.keypoints.image import as_gray
@@ -62,7 +62,7 @@ def score_view(
     frame: Frame,
     render_s: float,
     stretch: Stretch,
-    rule: Rule,
+    rule: Narrower,
     strongest: int | None = None,
     refine: bool = True,
 ) -> FloorView:

@@ -1,0 +1,34 @@
+"""The command that trains the decision of `identify(image)`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from rich.console import Console
+from typer import Option
+
+from peakmark.cli.options import Out, Quiet
+from peakmark.cli.terminal import FIGURES, print_path, print_table, progress_bar
+from peakmark.experiments.journal import Journal
+from peakmark.experiments.search.training import SearchTrainingConfig, collect_evidence, result_rows, train, write_model
+
+
+def train_search(
+    out: Out = Path("out/search"),
+    images: Annotated[int, Option(help="Random images with markers.")] = SearchTrainingConfig.images,
+    seed: Annotated[int, Option(help="Seed of the images.")] = SearchTrainingConfig.seed,
+    workers: Annotated[int, Option(help="Processes.")] = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Train the decision of identify(image): what is a marker, from alignments in random light and in photographs.
+
+    Writes general.json (which ships in peakmark.identification) and result.json; an interrupted run resumes.
+    """
+    config = SearchTrainingConfig(images, seed)
+    console = Console(quiet=quiet)
+    journal = Journal.open(out, {"images": images, "seed": seed})
+    with progress_bar(console, "render, align") as bar:
+        evidence = collect_evidence(config, journal, workers, bar.show)
+    model = train(evidence, config)
+    write_model(out, model)
+    print_table(console, f"{images} images · seed {seed}", FIGURES, result_rows(model))
+    print_path(console, out / "general.json", "Model")

@@ -1,0 +1,134 @@
+"""Where markers may be: SURF on the image and on copies of it squeezed along four directions, by response quotient.
+
+A steep marker is a narrow blob, to which SURF's square filters hardly answer; stretched by two along its narrow
+direction it is round again. The copies keep the image's area. They are sampled between pixels, which also breaks the
+ties of a clean marker that lies exactly between samples.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark import surf
+from peakmark.identification.detection import SIDE_OF_SCALE
+from peakmark.identification.evidence import best_response, box_variance
+from peakmark.parallel import map_parallel
+
+THRESHOLD = 300.0
+"""Hessian threshold; 100, 300 and 500 find the same markers of 20 px and more."""
+
+LEAST_QUOTIENT = 0.2
+"""Response quotient from which a key point is a candidate."""
+
+SMALLEST_PX = 10.0
+"""Side of the smallest candidates."""
+
+MOST = 300
+"""Candidates of an image, by falling quotient."""
+
+DIRECTIONS_DEG = (0.0, 45.0, 90.0, 135.0)
+_PAD_SHARE = 0.05
+_NEAR, _LIKE = 0.12, 1.2
+"""Key points of one sign this near, in scales, and this like in scale, are one candidate."""
+
+_COPIED_PIXELS = 1_500_000
+"""Larger images are searched in copies of about this size, too; their own pixels only unsqueezed."""
+
+
+@dataclass(frozen=True)
+class MarkerCandidates:
+    """Positions at which a marker may be, by falling quotient."""
+
+    xy: NDArray[np.float64]
+    """(n, 2) px."""
+    sides_px: NDArray[np.float64]
+    """(n,) about the side of the marker."""
+    signs: NDArray[np.int8]
+    """(n,) +1 where its centre is dark, −1 where light."""
+    responses: NDArray[np.float64]
+    """(n,) determinants of the Hessian."""
+    quotients: NDArray[np.float64]
+    """(n,) responses over the largest that the variance there allows."""
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> "MarkerCandidates":
+        return MarkerCandidates(
+            self.xy[rows], self.sides_px[rows], self.signs[rows], self.responses[rows], self.quotients[rows]
+        )
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+
+def find_candidates(gray: NDArray[np.uint8]) -> MarkerCandidates:
+    """Return where markers may be in a (H, W) image."""
+    scale = min(1.0, np.sqrt(_COPIED_PIXELS / gray.size))
+    copies = [(np.eye(2), 5, 5)]
+    copies += [(np.eye(2) * scale, 5, 5)] if scale < 0.7 else []
+    copies += [(squeeze(angle) * scale, 4, 3) for angle in DIRECTIONS_DEG]
+    pad = round(_PAD_SHARE * max(gray.shape))
+    padded = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
+    found = map_parallel(lambda copy: _search(gray, np.asarray(padded), pad, *copy), copies)
+    rows = np.concatenate(found)
+    rows = rows[np.argsort(-rows[:, 5], kind="stable")]
+    rows = rows[_distinct(rows)]
+    return MarkerCandidates(rows[:, :2], SIDE_OF_SCALE * rows[:, 2], rows[:, 4].astype(np.int8), rows[:, 3], rows[:, 5])
+
+
+def squeeze(angle_deg: float) -> NDArray[np.float64]:
+    """Return (2, 2) what stretches by √2 across a direction and shrinks by √2 along it."""
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    rotation = np.array([[c, -s], [s, c]])
+    return np.asarray(rotation @ np.diag([np.sqrt(0.5), np.sqrt(2.0)]) @ rotation.T)
+
+
+def _search(
+    gray: NDArray[np.uint8], padded: NDArray[np.uint8], pad: int, matrix: NDArray[np.float64], octaves: int, layers: int
+) -> NDArray[np.float64]:
+    """Return (k, 6) x, y, scale, response, sign and quotient of the key points of one copy, in the image's pixels."""
+    height, width = gray.shape
+    copy, shift = _warped(padded, matrix)
+    points = surf.detect(copy, threshold=THRESHOLD, octaves=octaves, layers=layers, upright=True)
+    scale = points.scale.astype(np.float64)
+    variance = np.maximum(box_variance(copy, points.xy, np.column_stack([scale, scale])), 1e-3)
+    quotients = points.response / (best_response() * variance)
+    xy = (points.xy.astype(np.float64) - shift) @ np.linalg.inv(matrix).T - pad
+    scale = scale / np.sqrt(np.abs(np.linalg.det(matrix)))
+    inside = ((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)
+    kept = inside & (quotients > LEAST_QUOTIENT) & (SIDE_OF_SCALE * scale > SMALLEST_PX)
+    return np.asarray(np.column_stack([xy, scale, points.response, points.laplacian, quotients])[kept])
+
+
+def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """Return the image under a linear map, and the shift that puts all of it into view."""
+    if np.array_equal(matrix, np.eye(2)):
+        return image, np.zeros(2)
+    height, width = image.shape
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+    moved = corners @ matrix.T
+    low = moved.min(axis=0)
+    size = np.maximum(np.rint(moved.max(axis=0) - low).astype(int), 1)
+    shift = -low - 0.5
+    smooth = cv2.INTER_AREA if np.linalg.det(matrix) < 0.5 else cv2.INTER_LINEAR
+    affine = np.column_stack([matrix, shift])
+    copy = cv2.warpAffine(image, affine, (int(size[0]), int(size[1])), flags=smooth, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(copy), shift
+
+
+def _distinct(rows: NDArray[np.float64]) -> list[int]:
+    """Return up to `MOST` rows, best first, without those that are another one found again."""
+    kept: list[int] = []
+    taken = np.empty((min(MOST, len(rows)), 4))
+    for i, row in enumerate(rows):
+        count = len(kept)
+        before = taken[:count]
+        near = np.hypot(before[:, 0] - row[0], before[:, 1] - row[1]) < _NEAR * np.minimum(before[:, 2], row[2])
+        like = np.abs(np.log(before[:, 2] / row[2])) < np.log(_LIKE)
+        if (near & like & (before[:, 3] == row[4])).any():
+            continue
+        if count == MOST:
+            break
+        taken[count] = row[0], row[1], row[2], row[4]
+        kept.append(i)
+    return kept
