@@ -1,8 +1,9 @@
-"""render: one call, two renderers; pictures and truth come from the same shot."""
+"""render: one call, three renderers; pictures and truth come from the same shot."""
 
 import sys
+from collections.abc import Sequence
 from functools import cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +17,14 @@ from peaksim.errors import SceneError
 from peaksim.geometry.pose import rigid
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
+from peaksim.scene.needs import left_out
 from peaksim.scene.scene import Scene
+from peaksim import traced
 from peaksim.truth.markers import marker_truth
 from peaksim.truth.surfaces import surfaces, surfaces_at
 
-Renderer = Literal["auto", "exact", "gl"]
+Renderer = Literal["auto", "exact", "gl", "traced"]
+DrawnBy = Literal["exact", "gl", "traced"]
 
 MOST_MOMENTS = 256
 """Most pictures that a motion blur is made of."""
@@ -33,6 +37,9 @@ def render(
     world_from_camera: ArrayLike | Trajectory,
     renderer: Renderer = "auto",
     time_s: float = 0.0,
+    samples: int = traced.SAMPLES,
+    seed: int | Sequence[int] = 0,
+    max_depth: int = traced.MAX_DEPTH,
 ) -> Frame:
     """Return the picture of a scene and its truth.
 
@@ -45,22 +52,27 @@ def render(
         (`row_time_s`) and each over some time (`exposure_s`).
     renderer
         "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and
-        can draw this.
+        can draw this; "traced" follows light over area lamps, sky, gloss and lens with Mitsuba 3, and is noisy.
     time_s
         Mid-exposure of the middle row on the trajectory; kept in the frame.
+    samples, seed, max_depth
+        Of "traced": paths a pixel, the seed of their noise (a number or several), and the longest path in steps.
 
     Raises
     ------
     SceneError
-        If the pose is not rigid, the time is not finite, or the renderer is unknown or cannot draw this.
+        If the pose is not rigid, the time is not finite, or the renderer is unknown, missing or cannot draw this.
     RendererError
         If OpenGL fails.
     """
     shot = _shot(camera, world_from_camera, time_s)
-    if renderer not in ("auto", "exact", "gl"):
-        raise SceneError(f'renderer: expected "auto", "exact" or "gl", got {renderer!r}')
+    if renderer not in get_args(Renderer):
+        raise SceneError(f'renderer: expected "auto", "exact", "gl" or "traced", got {renderer!r}')
     chosen = choose(shot, renderer)
-    linear, gl_renderer = draw(scene, shot, chosen)
+    if chosen == "traced":
+        linear, gl_renderer = traced.integrate(scene, shot, samples, seed, max_depth), None
+    else:
+        linear, gl_renderer = draw(scene, shot, chosen)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
         image=quantise(linear),
@@ -84,7 +96,7 @@ def _shot(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: flo
     return still(camera, rigid(world_from_camera, "world_from_camera"))
 
 
-def choose(shot: Shot, renderer: Renderer) -> Literal["exact", "gl"]:
+def choose(shot: Shot, renderer: Renderer) -> DrawnBy:
     """Return the renderer to use; "auto" takes GL where a context opens and can draw this.
 
     Raises
@@ -92,8 +104,8 @@ def choose(shot: Shot, renderer: Renderer) -> Literal["exact", "gl"]:
     SceneError
         If "gl" is asked for what only "exact" draws: a rolling shutter.
     """
-    if renderer == "exact":
-        return "exact"
+    if renderer in ("exact", "traced"):
+        return renderer
     if renderer == "gl":
         if shot.is_rolling:
             raise SceneError('renderer: expected "exact" or "auto" for a rolling shutter, got "gl"')
@@ -114,6 +126,8 @@ def _say_once(message: str) -> None:
 
 def draw(scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
+    if names := left_out(scene, shot.camera):
+        _say_once(f'the {renderer} renderer leaves out {", ".join(names)}; renderer "traced" draws them')
     moments = shot.moments(count_moments(scene, shot)) if shot.is_blurred else (shot,)
     pictures = (_draw_sharp(scene, moment, renderer) for moment in moments)
     linear = next(pictures) / np.float32(len(moments)) if len(moments) > 1 else next(pictures)

@@ -48,8 +48,8 @@ class Seen(NamedTuple):
 def see(scene: Scene) -> Seen:
     """Return a scene as the kernels need it."""
     lights = np.zeros((0, 7))
-    if scene.lights:
-        lights = pack_lights(scene.lights)
+    if scene.plain_lights:
+        lights = pack_lights(scene.plain_lights)
     return Seen(faces_of(scene), lights, solids_of(scene, quads=False), float(scene.background))
 
 

@@ -7,12 +7,14 @@ a triangle. All are linear in d, so that face sides, depth order and intersectio
 
 from functools import lru_cache
 from math import prod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.texture_sums import sums_shape, write_sums
+from peaksim.scene.material import Material
 from peaksim.scene.scene import Mesh, Quad, Scene
 from peaksim.scene.texture import Texture
 
@@ -63,10 +65,10 @@ def faces_of(scene: Scene) -> Faces:
     for mesh in scene.meshes:
         table[first : first + len(mesh.faces), LEVEL:NORMAL] = mesh_levels(mesh, channels_of(scene))
         first += len(mesh.faces)
-    textures = tuple({id(q.texture): q.texture for q in scene.quads}.values())
-    texels, places = pack(textures)
+    prints = tuple(dict.fromkeys((q.texture, q.material) for q in scene.quads))
+    texels, places = pack(prints)
     for row, quad in zip(table, scene.quads, strict=False):
-        row[: CONTRAST + 1] = places[textures.index(quad.texture)]
+        row[: CONTRAST + 1] = places[prints.index((quad.texture, quad.material))]
         row[EXTENT_P : EXTENT_Q + 1] = quad.texture.size
     return Faces(np.ascontiguousarray(planes), table, texels)
 
@@ -83,15 +85,21 @@ def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], N
 
 
 @lru_cache(maxsize=1)
-def pack(textures: tuple[Texture, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the tables of all textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
-    shapes = [sums_shape(texture.pixels) for texture in textures]
+def pack(prints: tuple[tuple[Texture, Material], ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the tables of all printed textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
+    levels = [material.levels(texture.pixels) for texture, material in prints]
+    shapes = [sums_shape(pixels) for pixels in levels]
     starts = np.cumsum([0, *(prod(shape) for shape in shapes)])
-    texels, places = np.empty(starts[-1]), np.zeros((len(textures), 4))
-    for texture, shape, start, end, place in zip(textures, shapes, starts, starts[1:], places, strict=False):
-        write_sums(texture.pixels, texels[start:end].reshape(shape))
-        place[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, texture.contrast
+    texels, places = np.empty(starts[-1]), np.zeros((len(prints), 4))
+    for pixels, shape, start, end, place in zip(levels, shapes, starts, starts[1:], places, strict=False):
+        write_sums(pixels, texels[start:end].reshape(shape))
+        place[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, contrast(pixels)
     return texels, places
+
+
+def contrast(levels: NDArray[Any]) -> float:
+    """Return the standard deviation of (h, w) or (h, w, 3) grey levels, of the channel that varies most."""
+    return float(cv2.meanStdDev(levels)[1].max())
 
 
 def unit_normals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -102,7 +110,7 @@ def unit_normals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> NDArray[np
 
 def mesh_levels(mesh: Mesh, channels: int) -> NDArray[np.float64]:
     """Return a mesh's colour as `channels` linear grey levels (grey: Rec. 709 luma)."""
-    color = np.array(mesh.color, dtype=np.float64)
+    color = np.asarray(mesh.material.levels(np.array(mesh.color, dtype=np.float64)), dtype=np.float64)
     return color if channels == 3 else np.array([color @ [0.2126, 0.7152, 0.0722]])
 
 

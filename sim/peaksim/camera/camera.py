@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peaksim.camera.thin_lens import ThinLens
 from peaksim.errors import SceneError
 
 Points = NDArray[np.float64]
@@ -47,6 +48,8 @@ class Camera:
     """Rolling shutter: time from one row's exposure to the next one's; 0 exposes all rows at once."""
     exposure_s: float = 0.0
     """Time over which a moving camera's picture is integrated."""
+    thin_lens: ThinLens | None = None
+    """Depth of field, drawn by the traced renderer; None is in focus everywhere."""
 
     def __post_init__(self) -> None:
         _check_size(self.width, self.height)

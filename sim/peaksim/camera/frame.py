@@ -17,6 +17,8 @@ TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
 
 def error_budget(renderer: str) -> str:
     """Return what a report says of the error that a renderer's textures may have."""
+    if renderer == "traced":
+        return "Pixels carry the noise of path tracing, which falls with the square root of the samples"
     return f"Texture error budget: {TEXTURE_ERROR_RMS[renderer]} grey levels rms"
 
 
@@ -84,7 +86,7 @@ class Frame:
     truth: tuple[MarkerTruth, ...]
     """One record a marker of the scene, in the scene's order, whether in view or not."""
     renderer: str
-    """"exact" or "gl": which renderer drew it."""
+    """"exact", "gl" or "traced": which renderer drew it."""
     gl_renderer: str | None
     """OpenGL's renderer string, None without GL."""
     surfaces: "Callable[[], Surfaces]"

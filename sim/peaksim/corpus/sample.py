@@ -21,6 +21,7 @@ from peaksim.errors import InputError, RendererError
 from peaksim.geometry.pose import Pose, invert, transform
 from peaksim.image_file import read_image
 from peaksim.rendering import Renderer, render
+from peaksim.scene.lamps import plain
 from peaksim.scene.scene import Scene, rectangle_m
 
 KEYPOINTS = ("center", "top_left", "top_right", "bottom_right", "bottom_left")
@@ -122,7 +123,7 @@ def record_of(plan: FramePlan, frame: Frame, picture: bytes) -> Record:
         "time_s": plan.time_s,
         "camera": {"name": sequence.camera.name, **camera_values(plan.camera)},
         "world_from_camera": _rows(plan.world_from_camera),
-        "lights": [asdict(light) for light in plan.scene.lights],
+        "lights": [plain(asdict(light)) for light in plan.scene.lights],
         "sensor": asdict(plan.sensor),
         "renderer": frame.renderer,
         "gl_renderer": frame.gl_renderer,
@@ -134,7 +135,7 @@ def record_of(plan: FramePlan, frame: Frame, picture: bytes) -> Record:
 
 def camera_values(camera: Camera) -> dict[str, Any]:
     """Return a camera as plain values."""
-    values = asdict(camera)
+    values = {name: value for name, value in asdict(camera).items() if value is not None}
     return {**values, "distortion": list(camera.distortion)}
 
 

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rigid
+from peaksim.scene.lamps import AreaLight, Environment
+from peaksim.scene.material import Material
 from peaksim.scene.texture import Texture
 
 
@@ -39,6 +41,8 @@ class Quad:
     """(4, 4) pose."""
     marker: str | Mark | tuple[Mark, ...] | None = None
     """What is printed on it. A string is the kind of one marker that fills the quad's shorter side."""
+    material: Material = Material()
+    """Of the printed face."""
 
     def __post_init__(self) -> None:
         width, height = self.size_m
@@ -83,6 +87,8 @@ class Mesh:
     """(4, 4) pose."""
     color: tuple[float, float, float] = (128.0, 128.0, 128.0)
     """Linear grey levels 0…255, RGB, before lighting."""
+    material: Material = Material()
+    """Of both faces."""
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices_m, dtype=np.float64)
@@ -144,10 +150,15 @@ class Scene:
     """Flat printed rectangles."""
     meshes: tuple[Mesh, ...] = ()
     """Solid things of one colour."""
-    lights: tuple[Light, ...] = ()
+    lights: tuple[Light | AreaLight | Environment, ...] = ()
     """Empty: every surface is shown at its printed grey level."""
     background: float = 128.0
     """Linear grey level where nothing is."""
+
+    @property
+    def plain_lights(self) -> tuple[Light, ...]:
+        """The lights that every renderer draws; without any, surfaces are shown as printed."""
+        return tuple(light for light in self.lights if isinstance(light, Light))
 
     def __post_init__(self) -> None:
         _check_unique([q.name for q in self.quads] + [m.name for m in self.meshes], "names")

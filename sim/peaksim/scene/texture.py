@@ -7,10 +7,8 @@ scale: no mip levels, and no error from them.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
@@ -72,11 +70,6 @@ class Texture:
     def size(self) -> tuple[int, int]:
         """Width and height in texels."""
         return self.pixels.shape[1], self.pixels.shape[0]
-
-    @cached_property
-    def contrast(self) -> float:
-        """Standard deviation of the grey levels, of the channel that varies most."""
-        return float(cv2.meanStdDev(self.pixels)[1].max())
 
 
 def _check_texels(width: int, height: int, name: str) -> None:

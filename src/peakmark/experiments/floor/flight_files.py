@@ -53,7 +53,7 @@ def _identity(flight: Flight) -> dict[str, Any]:
     poses = np.ascontiguousarray(flight.ride.trajectory.world_from_camera)
     return {
         **asdict(flight.config),
-        "camera": asdict(flight.ride.camera),
+        "camera": {name: value for name, value in asdict(flight.ride.camera).items() if value is not None},
         "poses_sha256": sha256(poses.tobytes()).hexdigest(),
     }
 
