@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, look_at
 
-WINDOW_RADIANCE = 8.0
-"""Of `window`: 1 m² lights white paper 1.6 m away, face to face, with multiplier 1; in view it is far beyond white."""
+WINDOW_RADIANCE = 25.0
+"""Of `window`: 1 m² lights white paper 2.8 m away, face to face, with multiplier 1; in view it is far beyond white."""
 _LIFT_M = 1e-3
 """An area light stands this far before its place, so that it may be stated as lying in a wall or ceiling."""
 
