@@ -88,16 +88,17 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
     SceneError
         One line that names the field, what was expected and what came.
     """
-    textures = scene_build.load_textures(table.textures, variants or {}, folder)
+    materials = scene_build.load_materials(table.materials)
+    textures = scene_build.load_textures(table.textures, variants or {}, folder, materials)
     scene = Scene(
         quads=(
             *scene_build.room_quads(table.room, textures),
             *scene_build.quads(table.quads, textures),
-            *scene_build.marker_quads(table.markers, table.marker_paths, table.room),
-            *scene_posters.poster_quads(table.posters, table.room),
+            *scene_build.marker_quads(table.markers, table.marker_paths, table.room, materials),
+            *scene_posters.poster_quads(table.posters, table.room, materials),
         ),
-        meshes=scene_build.meshes(table.boxes, table.tables),
-        lights=scene_build.lights(table.lights),
+        meshes=scene_build.meshes(table.boxes, table.tables, materials),
+        lights=scene_build.lights(table.lights, folder),
         background=table.background,
     )
     scene_build.check_camera(table.trajectory, table.room)
