@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peaksim import traced
 from peaksim.area.integrate import integrate
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame
@@ -19,7 +20,6 @@ from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
 from peaksim.scene.needs import left_out
 from peaksim.scene.scene import Scene
-from peaksim import traced
 from peaksim.truth.markers import marker_truth
 from peaksim.truth.surfaces import surfaces, surfaces_at
 

@@ -74,7 +74,7 @@ def _suggestion(model: Any, location: tuple[Any, ...]) -> str:
             fields = getattr(model, "model_fields", {})
             model = _table_type(fields[part].annotation) if part in fields else model
     close = get_close_matches(str(location[-1]), list(getattr(model, "model_fields", {})), n=1)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+    return f" (did you mean {close[0]!r}?)" if close and close[0] != location[-1] else ""
 
 
 def _table_type(annotation: Any) -> Any:

@@ -17,6 +17,7 @@ from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
 from peaksim.scene.file import find_scene
 
+_TRACING = ("mitsuba", "drjit")
 _PACKAGES = (
     "peakmark",
     "numpy",
@@ -69,7 +70,7 @@ def configure(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | 
     kinds = tuple(sorted(single.union(*(poster_kinds(table) for table, _ in scenes))))
     files = dict(sorted(_input_files(spec, folder, kinds)))
     inputs = {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
-    return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions())
+    return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions(renderer))
 
 
 def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
@@ -89,10 +90,10 @@ def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iter
             yield view.file, folder / view.file
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of the packages that make the bytes; one that is missing is left out."""
+def versions(renderer: str) -> dict[str, str]:
+    """Return the versions of the packages that make the bytes of a renderer; one that is missing is left out."""
     found = {}
-    for package in _PACKAGES:
+    for package in (*_PACKAGES, *(_TRACING if renderer == "traced" else ())):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

@@ -25,6 +25,7 @@ from peaksim.scene.build import camera as camera_of
 from peaksim.scene.file import Setup, build_setup, read_table
 from peaksim.scene.scene import Light, Scene
 from peaksim.scene.schema import RoomTable, SceneTable
+from peaksim.traced import SAMPLES
 
 MOST_ATTEMPTS = 1000
 """Views drawn for one frame before the specification is called contradictory. `check_spec` allows a tenth, so that a
@@ -69,6 +70,8 @@ class FramePlan:
     """This frame's settings."""
     seed: int
     """The corpus's."""
+    samples: int = SAMPLES
+    """Paths a pixel, for the traced renderer."""
 
     @property
     def camera(self) -> Camera:
@@ -101,6 +104,7 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
         time_s=time_s,
         sensor=_sensor(sequence.setup.sensor, spec, draws, sequence.number),
         seed=spec.seed,
+        samples=SAMPLES if spec.samples is None else spec.samples,
     )
 
 

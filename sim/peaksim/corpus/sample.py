@@ -21,7 +21,7 @@ from peaksim.errors import InputError, RendererError
 from peaksim.geometry.pose import Pose, invert, transform
 from peaksim.image_file import read_image
 from peaksim.rendering import Renderer, render
-from peaksim.scene.lamps import plain
+from peaksim.scene.lamps import plain_values
 from peaksim.scene.scene import Scene, rectangle_m
 
 KEYPOINTS = ("center", "top_left", "top_right", "bottom_right", "bottom_left")
@@ -45,7 +45,10 @@ class Sample:
 
 def render_frame(plan: FramePlan, renderer: Renderer) -> Frame:
     """Return a plan's picture, after the sensor, and its truth."""
-    frame = render(plan.scene, plan.camera, plan.world_from_camera, renderer=renderer, time_s=plan.time_s)
+    seeds = plan.seed, plan.index
+    frame = render(
+        plan.scene, plan.camera, plan.world_from_camera, renderer, plan.time_s, samples=plan.samples, seed=seeds
+    )
     return apply_sensor(frame, plan.sensor, plan.noise())
 
 
@@ -123,7 +126,7 @@ def record_of(plan: FramePlan, frame: Frame, picture: bytes) -> Record:
         "time_s": plan.time_s,
         "camera": {"name": sequence.camera.name, **camera_values(plan.camera)},
         "world_from_camera": _rows(plan.world_from_camera),
-        "lights": [plain(asdict(light)) for light in plan.scene.lights],
+        "lights": [plain_values(light) for light in plan.scene.lights],
         "sensor": asdict(plan.sensor),
         "renderer": frame.renderer,
         "gl_renderer": frame.gl_renderer,

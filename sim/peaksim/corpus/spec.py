@@ -13,6 +13,7 @@ from peaksim.corpus.spread import Angle, AnySpread, Count, Factor, Length, Level
 from peaksim.errors import InputError, SceneError
 from peaksim.scene.schema import Name, NotNegative, Positive, Table
 from peaksim.toml_file import parse_toml, validate
+from peaksim.traced import MOST_SAMPLES
 
 MOST_FRAMES = 10**8
 """Frame names have eight digits."""
@@ -218,7 +219,8 @@ class CorpusSpec(Table):
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     sequence_frames: Annotated[int, Field(ge=1, le=MOST_FRAMES)] = 50
     frames_per_second: Positive = 10.0
-    renderer: Literal["auto", "gl", "exact"] = "auto"
+    renderer: Literal["auto", "gl", "exact", "traced"] = "auto"
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] | None = None
     pictures: PictureTable = PictureTable()
     store: StoreTable = StoreTable()
     scenes: Annotated[tuple[SceneChoice, ...], Field(min_length=1)]

@@ -77,7 +77,7 @@ def open_job(job: Job) -> tuple[Store, Configuration]:
     if sha256(store.read(layout.CONFIGURATION)).hexdigest() != job.configuration_sha256:
         raise InputError(f"{job.dest}: expected the {layout.CONFIGURATION} of this run, found another one")
     configuration = read_configuration(store)
-    here = versions()
+    here = versions(configuration.renderer)
     for package, there in configuration.versions.items():
         if here.get(package) != there:
             raise InputError(

@@ -21,7 +21,7 @@ from peaksim.geometry.trajectory import Trajectory
 from peaksim.image_file import read_image
 from peaksim.scene import schema as schema
 from peaksim.scene.lamps import WINDOW_RADIANCE, AreaLight, Environment
-from peaksim.scene.material import Material, linear_from_srgb
+from peaksim.scene.material import PRINT, Material, linear_from_srgb
 from peaksim.scene.scene import Light, Mark, Mesh, Quad
 from peaksim.scene.texture import Texture
 
@@ -31,8 +31,6 @@ _WHITE = 255
 Materials = Mapping[str, Material]
 PLAIN: Materials = MappingProxyType({})
 """No materials."""
-PRINT = Material()
-"""What is printed without one."""
 
 
 def material_of(table: Any, materials: Materials, field: str) -> Material:
@@ -265,7 +263,9 @@ def meshes(
     """Return the boxes and tables as triangle meshes."""
     return (
         *(
-            _mesh(table, [(table.size_m, (0.0, 0.0, table.size_m[2] / 2))], material_of(table, materials, f"boxes[{i}]"))
+            _mesh(
+                table, [(table.size_m, (0.0, 0.0, table.size_m[2] / 2))], material_of(table, materials, f"boxes[{i}]")
+            )
             for i, table in enumerate(boxes)
         ),
         *(

@@ -1,11 +1,11 @@
 """Light with a shape: what only the traced renderer draws.
 
-Radiance is in units of white: a lamp of radiance 1 in view shows level 255, as does white paper in light of multiplier 1.
-Light of radiance 1 from everywhere has the multiplier 1. A small lamp of area A that faces a surface from r metres has
-the multiplier radiance·A/(π·r²).
+Radiance is in units of white: a lamp of radiance 1 in view shows level 255, as does a white surface in light of
+multiplier 1. Light of radiance 1 from everywhere has the multiplier 1. A small lamp of A m² that faces a surface from
+r metres has the multiplier radiance·A/(π·r²).
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,9 @@ def _check_radiance(radiance: float, name: str) -> None:
         raise SceneError(f"{name}: radiance: expected a finite number ≥ 0, got {radiance}")
 
 
-def plain(values: dict[str, Any]) -> dict[str, Any]:
-    """Return a light's values with an image replaced by its shape, as records keep them."""
-    return {name: list(value.shape) if isinstance(value, np.ndarray) else value for name, value in values.items()}
+def plain_values(light: Any) -> dict[str, Any]:
+    """Return a light's kind and fields as records keep them; an image by its shape."""
+    kinds = {AreaLight: "area", Environment: "environment"}
+    kind = {"kind": kinds[type(light)]} if type(light) in kinds else {}
+    fields = asdict(light).items()
+    return kind | {name: list(value.shape) if isinstance(value, np.ndarray) else value for name, value in fields}

@@ -63,6 +63,10 @@ class Material:
         return np.asarray(WHITE * (low + (high - low) * decoded), dtype=np.float32)
 
 
+PRINT = Material()
+"""The default: what is printed is what shows."""
+
+
 def linear_from_srgb(values: ArrayLike) -> NDArray[np.float64]:
     """Return the linear shares of sRGB values, both 0…1 (IEC 61966-2-1)."""
     coded = np.asarray(values, dtype=np.float64)

@@ -7,8 +7,8 @@ import numpy as np
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.scene import schema as schema
-from peaksim.scene.build import PLAIN, PRINT, Materials, check_inside, facing, marker_pattern, material_of
-from peaksim.scene.material import Material
+from peaksim.scene.build import PLAIN, Materials, check_inside, facing, marker_pattern, material_of
+from peaksim.scene.material import PRINT, Material
 from peaksim.scene.scene import Mark, Quad
 from peaksim.scene.texture import MAX_TEXELS, Texture
 

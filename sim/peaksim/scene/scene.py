@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rigid
 from peaksim.scene.lamps import AreaLight, Environment
-from peaksim.scene.material import Material
+from peaksim.scene.material import PRINT, Material
 from peaksim.scene.texture import Texture
 
 
@@ -41,7 +41,7 @@ class Quad:
     """(4, 4) pose."""
     marker: str | Mark | tuple[Mark, ...] | None = None
     """What is printed on it. A string is the kind of one marker that fills the quad's shorter side."""
-    material: Material = Material()
+    material: Material = PRINT
     """Of the printed face."""
 
     def __post_init__(self) -> None:
@@ -87,7 +87,7 @@ class Mesh:
     """(4, 4) pose."""
     color: tuple[float, float, float] = (128.0, 128.0, 128.0)
     """Linear grey levels 0…255, RGB, before lighting."""
-    material: Material = Material()
+    material: Material = PRINT
     """Of both faces."""
 
     def __post_init__(self) -> None:

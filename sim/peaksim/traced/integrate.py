@@ -1,8 +1,8 @@
 """The mean radiance of every pixel by path tracing (Kajiya 1986, doi:10.1145/15886.15902).
 
 A pixel's samples are spread evenly over its square, the exposure and the aperture by additive sequences with a random
-start of its own (Cranley and Patterson 1976); what scatters them further is drawn anew for each. The box filter is their
-mean, so that neighbouring pixels share nothing.
+start of its own (Cranley and Patterson 1976); how a path goes on is drawn anew for each. The pixel is their mean, a box
+filter, so that neighbouring pixels share nothing.
 """
 
 from collections.abc import Sequence
@@ -16,17 +16,17 @@ from peaksim.camera.shutter import Shot
 from peaksim.errors import SceneError
 from peaksim.scene.material import WHITE
 from peaksim.scene.scene import Light, Scene
-from peaksim.traced import view as views
 from peaksim.traced.library import Tools, tools_for
 from peaksim.traced.shapes import Traceable, traceable
+from peaksim.traced.view import View, rays, view_of
 
 SAMPLES = 64
 """Paths a pixel."""
 MAX_DEPTH = 12
 """Longest path in steps from camera to lamp: 2 is direct light."""
 _ROULETTE_DEPTH = 3
-"""From this step on Russian roulette ends paths that carry little: in a room as good a noise for its time as 5 (the cave
-with two lamps: variance × time 46 and 46, at 2 it is 53), but two thirds of the time a sample."""
+"""From this step on Russian roulette ends paths that carry little: in a room as little noise for the time as 5 (the
+cave with two lamps: variance × time is 46 at both, 53 at 2), in two thirds of the time a sample."""
 MOST_SAMPLES = 1_000_000
 _PIXELS_AT_ONCE = 1 << 20
 _STEPS = tuple(
@@ -69,7 +69,7 @@ def integrate(
         for first in range(0, camera.height, rows):
             band = slice(first, min(first + rows, camera.height))
             own = np.random.SeedSequence([*np.atleast_1d(seed).tolist(), first]).generate_state(2)
-            view = views.view_of(tools, shot, band)
+            view = view_of(tools, shot, band)
             pixels = (band.stop - band.start) * camera.width
             mean = _mean_radiance(tools, traced, view, path, pixels, samples, own.tolist(), scene.background / WHITE)
             out[band] = WHITE * np.array(mean).T.reshape(-1, camera.width, channels)
@@ -93,7 +93,7 @@ def check(samples: int, seed: int | Sequence[int], max_depth: int = MAX_DEPTH) -
 
 
 def _mean_radiance(
-    tools: Tools, traced: Traceable, view: views.View, path: Any, pixels: int, samples: int, seeds: list[int], back: float
+    tools: Tools, traced: Traceable, view: View, path: Any, pixels: int, samples: int, seeds: list[int], back: float
 ) -> Any:
     """Return the mean radiance of the pixels of a view, in one kernel."""
     mi, dr = tools
@@ -105,7 +105,7 @@ def _mean_radiance(
 
     def step(k: Any, total: Any, sampler: Any) -> tuple[Any, Any, Any]:
         at = [mi.Float((first + k * stride) >> 8) * 2.0**-24 for first, stride in zip(starts, _STEPS, strict=True)]
-        ray, seen = views.rays(tools, view, pixel, mi.Point2f(at[0], at[1]), at[2], mi.Point2f(at[3], at[4]))
+        ray, seen = rays(tools, view, pixel, mi.Point2f(at[0], at[1]), at[2], mi.Point2f(at[3], at[4]))
         return k + 1, total + _radiance(tools, traced, path, sampler, ray, seen, back), sampler
 
     first = mi.UInt32(0), dr.zeros(mi.Spectrum, pixels), sampler

@@ -1,8 +1,8 @@
 """Mitsuba 3 and the LLVM that it compiles its kernels with.
 
-LLVM 14 and older are refused by Mitsuba; 15 and 16, which OpenGL's drivers bring along, abort the whole process. So each
-candidate is tried in a child process first. There is no scalar variant to fall back to: it traces one ray at a time, and
-with rays of our own each would be a call from Python.
+Mitsuba refuses LLVM 14 and older; 15 and 16, which OpenGL's drivers bring along, abort the whole process. So each
+candidate is tried in a child process first (0.4 s). The scalar variants need no LLVM but are no fallback: they trace
+one ray at a time, and with rays of our own each would be a call from Python.
 """
 
 import os
@@ -98,7 +98,9 @@ def fault() -> str | None:
     except ModuleNotFoundError:
         return "needs Mitsuba 3: pip install 'peakmark[traced]'"
     except (ImportError, NameError) as error:  # a NameError where libatomic is missing
-        return f"needs Mitsuba 3, which does not load ({str(error).splitlines()[0]}); Debian: apt-get install libatomic1"
+        return (
+            f"needs Mitsuba 3, which does not load ({str(error).splitlines()[0]}); Debian: apt-get install libatomic1"
+        )
     if llvm_library() is None:
         given = os.environ.get(_VARIABLE)
         found = f"{_VARIABLE}={given} is none" if given else "found none"

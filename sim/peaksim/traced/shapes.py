@@ -1,7 +1,7 @@
 """A scene in Mitsuba's terms: quads, meshes, materials and lights.
 
-Levels become reflectance by level / 255, and radiance is in units of white. Light's multiplier M (`peaksim.scene.Light`)
-is irradiance / π there: a diffuse surface of reflectance ρ shows the radiance ρ·M.
+Levels become reflectance by level / 255, and radiance is in units of white. The multiplier M of `peaksim.scene.Light`
+is irradiance / π here: a diffuse surface of reflectance ρ shows the radiance ρ·M.
 """
 
 from functools import lru_cache
@@ -139,7 +139,11 @@ def _emitter(mi: Any, light: Light | AreaLight | Environment) -> dict[str, Any]:
     if isinstance(light, Environment):
         return _surroundings(mi, light)
     if light.kind == "directional":
-        return {"type": "directional", "direction": list(light.direction), "irradiance": _uniform(np.pi * light.intensity)}
+        return {
+            "type": "directional",
+            "direction": list(light.direction),
+            "irradiance": _uniform(np.pi * light.intensity),
+        }
     power = np.pi * light.intensity * light.reference_m**2
     return {"type": "point", "position": list(light.position_m), "intensity": _uniform(power)}
 

@@ -113,9 +113,8 @@ def _pose(tools: Tools, view: View, row: Any, moment: Any) -> list[Any]:
         return [_vector(tools, view.poses, first + k) for k in range(4)]
     knot = dr.minimum(mi.UInt32(moment * view.knots), view.knots - 1)
     share, first = moment * view.knots - knot, first + 4 * knot
-    return [
-        dr.lerp(_vector(tools, view.poses, first + k), _vector(tools, view.poses, first + 4 + k), share) for k in range(4)
-    ]
+    before, after = ([_vector(tools, view.poses, at + k) for k in range(4)] for at in (first, first + 4))
+    return [dr.lerp(start, end, share) for start, end in zip(before, after, strict=True)]
 
 
 def _vector(tools: Tools, table: Any, index: Any) -> Any:

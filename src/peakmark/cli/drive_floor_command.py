@@ -24,7 +24,8 @@ def drive_floor(
     rate: Annotated[float, Option(help="Pictures that the robot takes a second.")] = 5.0,
     scene: Annotated[str, Option(help="Scene whose floor, sensor and kind of marker are used.")] = "hall",
     texture: Annotated[str | None, Option(help="Floor photograph. [default: the scene's first]")] = None,
-    renderer: Annotated[str, Option(help="gl, exact or auto.")] = "auto",
+    renderer: Annotated[str, Option(help="gl, exact, traced (Mitsuba) or auto.")] = "auto",
+    samples: Annotated[int, Option(help="Paths a pixel of the traced renderer.")] = DriveConfig.samples,
     out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/drive"),
     seed: Annotated[int, Option(help="Seed of paths, wheels and sensor.")] = 0,
     resume: Annotated[bool, Option("--resume", help="Keep the finished paths of an interrupted run.")] = False,
@@ -37,7 +38,16 @@ def drive_floor(
     """
     console = Console(quiet=quiet)
     config = DriveConfig(
-        paths, length, spacing, line_ends, scene, texture, cast(Renderer, renderer), seed, frames_per_second=rate
+        paths,
+        length,
+        spacing,
+        line_ends,
+        scene,
+        texture,
+        cast(Renderer, renderer),
+        seed,
+        frames_per_second=rate,
+        samples=samples,
     )
     with Progress(console=console, transient=True, disable=quiet) as progress:
         task = progress.add_task("drive", total=paths)

@@ -18,7 +18,8 @@ from peakmark.identification.api import Rule
 def render_floor(
     scene: Annotated[str | None, Option(help="Scene file, or the name of a shipped scene. [default: floor]")] = None,
     out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/floor"),
-    renderer: Annotated[str, Option(help="gl (pyrender), exact (planar scenes, no OpenGL) or auto.")] = "auto",
+    renderer: Annotated[str, Option(help="gl (pyrender), exact (no OpenGL), traced (Mitsuba) or auto.")] = "auto",
+    samples: Annotated[int, Option(help="Paths a pixel of the traced renderer.")] = FloorConfig.samples,
     seed: Annotated[int, Option(help="Seed of the sensor noise.")] = 0,
     texture: Annotated[
         str | None, Option(help="Floor photograph: gravel, brick, grass; in the hall also coins. [default: gravel]")
@@ -55,7 +56,7 @@ def render_floor(
     console = Console(stderr=False, quiet=quiet)
     if trajectory is not None:
         drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or "joint")
-        flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map)
+        flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples)
         _fly(console, flight, out, resume)
     else:
         still = FloorConfig(
@@ -66,6 +67,7 @@ def render_floor(
             2.0 if stretch is None else stretch,
             1 if frames is None else frames,
             cast(Rule, rule or "paper"),
+            samples,
         )
         _render(console, still, out)
     console.print(f"Results: {out / 'report.html'}", soft_wrap=True)

@@ -137,7 +137,7 @@ def run_suite(
         detector={name: value for name, value in asdict(finder).items() if name != "time_limit_s"},
         seed=task.seed,
         renderer=done[0].renderer,
-        versions=versions(),
+        versions=versions(done[0].renderer),
         tolerances=dict(table.tolerances),
         results=tuple(one.result for one in done),
     )

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +33,20 @@ class CaveConfig:
     scene: str = "cave"
     """Scene file, or the name of one that ships with the package."""
     renderer: Renderer = "exact"
-    """"exact" is several times faster than OpenGL without a GPU here; "gl" or "auto"."""
+    """"exact" is several times faster than OpenGL without a GPU here; "gl", "traced" or "auto"."""
     seed: int = 0
     """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
     frames: int = 1
     """Frames along the trajectory; 1 looks from its first pose."""
+    samples: int = 64
+    """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (
             ("seed", self.seed, self.seed >= 0, "0 or more"),
             ("frames", self.frames, 1 <= self.frames <= MOST_FRAMES, f"1…{MOST_FRAMES}"),
-            ("renderer", self.renderer, self.renderer in ("auto", "gl", "exact"), "auto, gl or exact"),
+            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
+            ("samples", self.samples, self.samples >= 1, "1 or more"),
         ):
             if not fits:
                 raise InputError(f"--{name}: expected {expected}, got {value}")
@@ -163,7 +166,7 @@ def look(setup: Setup, config: CaveConfig, index: int, time_s: float) -> View:
     """Render, read and score one frame."""
     start = perf_counter()
     pose = setup.trajectory.at(time_s)
-    frame = render(setup.scene, setup.camera, pose, renderer=config.renderer, time_s=time_s)
+    frame = render(setup.scene, setup.camera, pose, config.renderer, time_s, config.samples, (config.seed, index))
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     return judged(index, frame, setup.scene, perf_counter() - start)
 

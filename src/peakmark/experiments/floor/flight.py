@@ -39,7 +39,7 @@ class FlightConfig:
     texture: str | None = None
     """Variant of the texture named "floor"; None takes the first."""
     renderer: Renderer = "auto"
-    """"gl", "exact" or "auto": exact without furniture, which needs GL."""
+    """"gl", "exact", "traced" or "auto": exact without furniture, which needs GL."""
     seed: int = 0
     """Of bumps and noise."""
     stretch: float | None = None
@@ -51,13 +51,16 @@ class FlightConfig:
     """Only so many frames from the start; None takes all."""
     map: str | None = None
     """Scene file or name whose markers are the map; None takes the scene that is flown through."""
+    samples: int = 64
+    """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (
             ("seed", self.seed, self.seed >= 0, "0 or more"),
             ("frames", self.frames, self.frames is None or 1 <= self.frames <= 1_000_000, "1…1000000"),
             ("stretch", self.stretch, self.stretch is None or SMALLEST <= self.stretch <= LARGEST, "0.25…8"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl or exact"),
+            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
+            ("samples", self.samples, self.samples >= 1, "1 or more"),
             ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
         ):
             if not fits:
@@ -168,7 +171,8 @@ def photograph(flight: Flight, index: int) -> Frame:
     """Return one frame after the sensor; its truth is that of mid-exposure."""
     time_s, scene = float(flight.times_s[index]), flight.setup.scene
     renderer = quicker(flight.config.renderer, scene)
-    frame = render(scene, flight.ride.camera, flight.ride.trajectory, renderer=renderer, time_s=time_s)
+    config, ride = flight.config, flight.ride
+    frame = render(scene, ride.camera, ride.trajectory, renderer, time_s, config.samples, (config.seed, index))
     noise = np.random.default_rng((flight.config.seed, index))
     return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
 

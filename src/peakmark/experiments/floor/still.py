@@ -29,7 +29,7 @@ class FloorConfig:
     texture: str | None = None
     """Variant of the texture named "floor"; None takes the first."""
     renderer: Renderer = "auto"
-    """"gl", "exact" or "auto"."""
+    """"gl", "exact", "traced" or "auto"."""
     seed: int = 0
     """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
     stretch: float = 2.0
@@ -38,13 +38,16 @@ class FloorConfig:
     """Frames along the trajectory; 1 looks from its first pose."""
     rule: Rule = "paper"
     """How key points become markers."""
+    samples: int = 64
+    """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
         for name, value, fits, expected in (
             ("seed", self.seed, self.seed >= 0, "0 or more"),
             ("frames", self.frames, 1 <= self.frames <= 1_000_000, "1…1000000"),
             ("stretch", self.stretch, 0.25 <= self.stretch <= 8, "0.25…8"),
-            ("renderer", self.renderer, self.renderer in ("auto", "gl", "exact"), "auto, gl or exact"),
+            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
+            ("samples", self.samples, self.samples >= 1, "1 or more"),
             ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
         ):
             if not fits:
@@ -92,7 +95,9 @@ def fly(setup: Setup, config: FloorConfig) -> Iterator[View]:
 def look(setup: Setup, config: FloorConfig, index: int, time_s: float) -> View:
     """Render, detect, identify and score one frame."""
     start = perf_counter()
-    frame = render(setup.scene, setup.camera, setup.trajectory, renderer=config.renderer, time_s=time_s)
+    frame = render(
+        setup.scene, setup.camera, setup.trajectory, config.renderer, time_s, config.samples, (config.seed, index)
+    )
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     rendered = perf_counter()
     picture = as_gray(frame.image)

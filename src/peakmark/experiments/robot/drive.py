@@ -70,7 +70,7 @@ class DriveConfig:
     texture: str | None = None
     """Variant of the texture named "floor"; None takes the first."""
     renderer: Renderer = "auto"
-    """"gl", "exact" or "auto": exact without furniture."""
+    """"gl", "exact", "traced" or "auto": exact without furniture."""
     seed: int = 0
     """Of paths, wheels and sensor."""
     frames_per_second: float = 5.0
@@ -81,6 +81,8 @@ class DriveConfig:
     """Its height and pitch."""
     robot: Robot = field(default_factory=Robot)
     steering: Steering = field(default_factory=Steering)
+    samples: int = 64
+    """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
         longest_gap, end = 0.8 * self.length_m, self.length_m if self.line_ends_m is None else self.line_ends_m
@@ -92,7 +94,8 @@ class DriveConfig:
             ("line-ends", end, second <= end <= self.length_m, f"{second:g}…{self.length_m:g} m"),
             ("seed", self.seed, self.seed >= 0, "0 or more"),
             ("rate", self.frames_per_second, 1 <= self.frames_per_second <= 50, "1…50 frames a second"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl or exact"),
+            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
+            ("samples", self.samples, self.samples >= 1, "1 or more"),
         ):
             if not fits:
                 raise InputError(f"--{name}: expected {expected}, got {value}")
@@ -208,7 +211,15 @@ def _picture(config: DriveConfig, way: Course, state: State, index: int) -> tupl
     begin = perf_counter()
     scene = way.setup.scene
     pose = robot_camera_pose(config.robot, state, config.mount)
-    frame = render(scene, config.camera, pose, quicker(config.renderer, scene), time_s=index / config.frames_per_second)
+    frame = render(
+        scene,
+        config.camera,
+        pose,
+        quicker(config.renderer, scene),
+        time_s=index / config.frames_per_second,
+        samples=config.samples,
+        seed=(config.seed, way.number, index),
+    )
     frame = apply_sensor(frame, way.setup.sensor, np.random.default_rng((config.seed, way.number, 2, index)))
     return frame, perf_counter() - begin
 

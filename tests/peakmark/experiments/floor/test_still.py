@@ -197,7 +197,7 @@ def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> N
         (("--seed", "-1"), "--seed: expected 0 or more, got -1"),
         (("--frames", "0"), "--frames: expected 1…1000000, got 0"),
         (("--stretch", "nan"), "--stretch: expected 0.25…8, got nan"),
-        (("--renderer", "povray"), "--renderer: expected auto, gl or exact, got povray"),
+        (("--renderer", "povray"), "--renderer: expected auto, gl, exact or traced, got povray"),
         (("--out", "/dev/null/x"), "--out /dev/null/x: expected a folder that can be written"),
     ],
 )
