@@ -157,6 +157,6 @@ def _surroundings(mi: Any, light: Environment) -> dict[str, Any]:
         return {"type": "constant", "radiance": _uniform(light.radiance)}
     grey_or_rgb = np.atleast_3d(light.image)
     pixels = np.ascontiguousarray(np.broadcast_to(grey_or_rgb, (*grey_or_rgb.shape[:2], 3)))
-    # Mitsuba's map has y up and its middle column along −z; turned upright, that is y
-    turn = mi.ScalarTransform4f().rotate([0, 0, 1], light.yaw_deg) @ mi.ScalarTransform4f().rotate([1, 0, 0], 90)
+    # Mitsuba's map has y up, and its middle column looks along z: upright, that is −y
+    turn = mi.ScalarTransform4f().rotate([0, 0, 1], light.yaw_deg + 180) @ mi.ScalarTransform4f().rotate([1, 0, 0], 90)
     return {"type": "envmap", "bitmap": mi.Bitmap(pixels), "scale": float(light.radiance), "to_world": turn}
