@@ -18,6 +18,7 @@ from peakmark.errors import InputError
 from peakmark.experiments.floor.still import FloorConfig, fly, look, open_scene
 from peakmark.experiments.floor.still_results import run
 from tests.helpers import needs_gl
+from tests.peaksim.traced.helpers import needs_tracing
 from tests.places import ROOT
 
 FILES = {"frame.png", "overlay.png", "responses.png", "signatures.png", "report.html", "result.json"}
@@ -129,7 +130,9 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
     assert drops[1.0][1] < 0.75 * drops[2.0][1]
 
 
-@pytest.mark.parametrize("renderer", ["exact", pytest.param("gl", marks=needs_gl)])
+@pytest.mark.parametrize(
+    "renderer", ["exact", pytest.param("gl", marks=needs_gl), pytest.param("traced", marks=needs_tracing)]
+)
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
     small_scene: Path, tmp_path: Path, renderer: Renderer
 ) -> None:
@@ -197,6 +200,7 @@ def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> N
         (("--seed", "-1"), "--seed: expected 0 or more, got -1"),
         (("--frames", "0"), "--frames: expected 1…1000000, got 0"),
         (("--stretch", "nan"), "--stretch: expected 0.25…8, got nan"),
+        (("--samples", "0"), "--samples: expected 1 or more, got 0"),
         (("--renderer", "povray"), "--renderer: expected auto, gl, exact or traced, got povray"),
         (("--out", "/dev/null/x"), "--out /dev/null/x: expected a folder that can be written"),
     ],
