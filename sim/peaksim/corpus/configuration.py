@@ -16,6 +16,7 @@ from peaksim.corpus.store.base import Store
 from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
 from peaksim.scene.file import find_scene
+from peaksim.scene.schema import EnvironmentTable
 
 _TRACING = ("mitsuba", "drjit")
 _PACKAGES = (
@@ -78,8 +79,9 @@ def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iter
         beside = folder / choice.file
         yield choice.file, beside if beside.is_file() else find_scene(choice.file)
         table, scene_folder = read_scene(choice.file, folder)
-        for texture in table.textures.values():
-            for name in [texture.file, *texture.variants.values()]:
+        skies = [light.file for light in table.lights if isinstance(light, EnvironmentTable)]
+        for names in (*([t.file, *t.variants.values()] for t in table.textures.values()), skies):
+            for name in names:
                 if name is not None:
                     picture = scene_folder / name
                     yield name, picture if picture.is_file() else shipped.ASSETS / name

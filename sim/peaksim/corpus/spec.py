@@ -6,7 +6,7 @@ Numbers that vary are spreads (`peaksim.corpus.spread`).
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from peaksim.camera.sensor import Sensor
 from peaksim.corpus.spread import Angle, AnySpread, Count, Factor, Length, Level, Share, Spread
@@ -242,6 +242,11 @@ class CorpusSpec(Table):
         if len(set(names)) < len(names):
             raise ValueError(f"cameras: expected different names, got {', '.join(names)}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _values(self, to_values: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the values without samples that nobody stated, so that the hashes of older suites stay."""
+        return {name: value for name, value in to_values(self).items() if name != "samples" or value is not None}
 
     def __hash__(self) -> int:
         return hash((self.name, self.frames, self.seed))

@@ -16,6 +16,7 @@ from peaksim.camera.shutter import Shot
 from peaksim.errors import SceneError
 from peaksim.scene.material import WHITE
 from peaksim.scene.scene import Light, Scene
+from peaksim.traced.inside import check_lights
 from peaksim.traced.library import Tools, tools_for
 from peaksim.traced.shapes import Traceable, traceable
 from peaksim.traced.view import View, rays, view_of
@@ -57,9 +58,10 @@ def integrate(
     Raises
     ------
     SceneError
-        For arguments out of range, and where Mitsuba or LLVM is missing.
+        For arguments out of range, a light inside a mesh, and where Mitsuba or LLVM is missing.
     """
     check(samples, seed, max_depth)
+    check_lights(scene, shot.pose[:3, 3])
     camera, channels = shot.camera, channels_of(scene)
     rows = max(1, _PIXELS_AT_ONCE // camera.width)
     out = np.empty((camera.height, camera.width, channels), dtype=np.float32)
