@@ -1,4 +1,4 @@
-"""The renderers' times beside pyrender's plain 4×4 supersampling, in turns in one process; share of memory bandwidth.
+"""Times of the renderers and of pyrender's plain 4×4 supersampling, alternating in one process.
 
 `python benchmarks/bench_render.py` prints medians and ratios (pyrender's time over ours) beside `baseline.json`;
 `--update` writes them there.
@@ -35,7 +35,7 @@ def works_of(scene: Scene, camera: Camera, pose: np.ndarray) -> dict[str, Work]:
 
 
 def alternate(works: dict[str, Work], rounds: int) -> dict[str, float]:
-    """Return the median seconds of each work, run in turns: once to bring back what others displaced, then timed."""
+    """Return the median seconds of each work, alternating: once to refill caches, then timed."""
     seconds: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(rounds):
         for name, work in works.items():

@@ -1,6 +1,6 @@
 """Speed and memory of SURF against OpenCV's and mahotas's: `make bench`.
 
-Every figure is a ratio, their time over ours, of medians of runs that take turns in one process. Ratios are compared
+Every figure is a ratio, their time over ours, of medians of runs that alternate in one process. Ratios are compared
 with `baseline.json`; `--update` writes them there. OpenCV's own SURF takes part where cv2 was built with it.
 """
 
@@ -16,7 +16,7 @@ from time import perf_counter
 import cv2
 import numpy as np
 from baseline import Ratios, compare
-from pictures import Picture, benchmark_pictures
+from images import Image, benchmark_images
 from rich.console import Console
 from rich.table import Table
 from rivals import ROWS, Job, jobs
@@ -35,7 +35,7 @@ def main() -> None:
     console = Console(width=120)
     cv2.setNumThreads(thread_count())
     ratios: Ratios = {}
-    for name, gray in benchmark_pictures().items():
+    for name, gray in benchmark_images().items():
         times = measure(jobs(gray), arguments.seconds)
         ratios |= {f"{name} | {row} | {library}": value for (row, library), value in ratios_of(times).items()}
         console.print(speed_table(name, times))
@@ -53,19 +53,19 @@ def parse() -> argparse.Namespace:
 
 
 def measure(every: dict[str, dict[str, Job]], seconds: float) -> dict[str, dict[str, list[float]]]:
-    """Row → library → seconds of each run; the libraries of a row take turns, ours before each of theirs."""
+    """Row → library → seconds of each run; the libraries of a row alternate, ours before each of theirs."""
     return {row: alternate(libraries, seconds) for row, libraries in every.items()}
 
 
 def alternate(libraries: dict[str, Job], seconds: float) -> dict[str, list[float]]:
-    """Run all in turn until the time is up, three times at least, after one run that does not count."""
+    """Run all alternately until the time is up, three times at least, after one run that does not count."""
     times: dict[str, list[float]] = {library: [] for library in libraries}
-    turns = list(chain.from_iterable(("peakmark", library) for library in libraries if library != "peakmark"))
+    order = list(chain.from_iterable(("peakmark", library) for library in libraries if library != "peakmark"))
     for library in libraries:
         libraries[library]()
     end = perf_counter() + seconds
     while perf_counter() < end or min(map(len, times.values())) < 3:
-        for library in turns:
+        for library in order:
             start = perf_counter()
             libraries[library]()
             times[library].append(perf_counter() - start)
@@ -95,7 +95,7 @@ def speed_table(name: str, times: dict[str, dict[str, list[float]]]) -> Table:
     return table
 
 
-def stage_table(name: str, gray: Picture) -> Table:
+def stage_table(name: str, gray: Image) -> Table:
     """Where our time goes, beside what memory bandwidth would allow."""
     table = Table(title=f"{name}: stages", title_justify="left")
     for column in ("", "ms", "MB to touch", "ms to copy as many", "×"):
@@ -106,18 +106,18 @@ def stage_table(name: str, gray: Picture) -> Table:
     return table
 
 
-def memory_line(name: str, gray: Picture) -> str:
+def memory_line(name: str, gray: Image) -> str:
     """Peak memory of ours and OpenCV's, each in its own process."""
     libraries = ["peakmark", "opencv"] if has_opencv_surf() else ["peakmark"]
     peaks = {library: peak_memory(library, gray) for library in libraries}
     said = [f"{library} {loaded:.0f} MB ({call:.0f} MB of it by the call)" for library, (loaded, call) in peaks.items()]
-    return f"{name}: peak memory above the interpreter and the picture: {', '.join(said)}\n"
+    return f"{name}: peak memory above the interpreter and the image: {', '.join(said)}\n"
 
 
-def peak_memory(library: str, gray: Picture) -> tuple[float, float]:
+def peak_memory(library: str, gray: Image) -> tuple[float, float]:
     """MB with and without the libraries that were loaded, see `peak_memory.py`."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "picture.npy"
+        path = Path(folder) / "image.npy"
         np.save(path, gray)
         script = str(Path(__file__).with_name("peak_memory.py"))
         run = subprocess.run([sys.executable, script, library, str(path)], capture_output=True, text=True, check=True)

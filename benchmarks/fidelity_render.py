@@ -1,6 +1,6 @@
 """Fidelity of both renderers from random poses, against the brute-force integral of the tests: rms, p99.9, seconds.
 
-`PYTHONPATH=tests/peaksim python benchmarks/fidelity_render.py --first 100 --count 30` prints one row a view.
+`PYTHONPATH=. python benchmarks/fidelity_render.py --first 100 --count 30` prints one row a view.
 """
 
 import argparse

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pictures import Picture, parity_pictures
+from images import Image, parity_images
 
 from peakmark import surf
 from peakmark.detectors.registry import has_opencv_surf, opencv_surf
@@ -21,26 +21,26 @@ SETTINGS: dict[str, Mapping[str, Any]] = {
     "extended, upright, 4×2": {"threshold": 100.0, "extended": True, "upright": True, **surf.PAPER},
 }
 HEADER = (
-    "picture | setting | theirs | ours | paired | same order | worst xy, px | worst response, relative "
+    "image | setting | theirs | ours | paired | same order | worst xy, px | worst response, relative "
     "| worst angle, ° | descriptor median | 99 % | worst"
 )
 
 
 def main() -> None:
-    """Print a row for each picture and setting, and a last one for all."""
+    """Print a row for each image and setting, and a last one for all."""
     if not has_opencv_surf():
         sys.exit("parity_surf: expected a cv2 built with OPENCV_ENABLE_NONFREE, see benchmarks/README.md")
     print(f"| {HEADER} |\n|{'---|' * (HEADER.count('|') + 1)}")
     every = []
-    for name, gray in parity_pictures().items():
+    for name, gray in parity_images().items():
         for setting, parameters in SETTINGS.items():
             every.append(parity(gray, parameters))
             print(f"| {name} | {setting} | {row(every[-1])} |", flush=True)
     print(f"| **all** | | {row(joined(every))} |")
 
 
-def parity(gray: Picture, parameters: Mapping[str, Any]) -> Parity:
-    """Compare both detectors on one picture."""
+def parity(gray: Image, parameters: Mapping[str, Any]) -> Parity:
+    """Compare both detectors on one image."""
     return compare(opencv_surf(gray, **parameters), surf.detect_and_describe(gray, **parameters))
 
 

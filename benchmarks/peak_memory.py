@@ -1,6 +1,6 @@
 """Peak memory of one detection in a process of its own: `python benchmarks/peak_memory.py LIBRARY PICTURE.npy`.
 
-Prints two numbers, MB (10⁶ bytes) above an interpreter that holds the picture: with the libraries that the detector
+Prints two numbers, MB (10⁶ bytes) above an interpreter that holds the image: with the libraries that the detector
 loads, and without them.
 """
 
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def main(library: str, picture: str) -> None:
+def main(library: str, image: str) -> None:
     """Measure and print."""
-    gray = np.load(picture)
+    gray = np.load(image)
     bare = status_mb("VmRSS")
     detect = {"peakmark": load_ours, "opencv": load_opencv}[library]()
     detect(np.zeros((64, 64), dtype=np.uint8))

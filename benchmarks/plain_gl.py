@@ -9,7 +9,7 @@ from OpenGL import GL
 from peaksim import Scene
 from peaksim.area.faces import BACK_LEVEL
 from peaksim.camera.camera import Camera
-from peaksim.gl.context import _context
+from peaksim.gl.context import open_context
 from peaksim.scene.scene import Quad
 
 SAMPLES = 4
@@ -19,7 +19,7 @@ LINEAR, MIP_MAPPED, CLAMPED = 9729, 9987, 33071
 
 
 def draw(scene: Scene, camera: Camera, pose: np.ndarray) -> np.ndarray:
-    """Return the (h, w) picture."""
+    """Return the (h, w) image."""
     drawn = _drawn(scene)
     out = np.empty((camera.height, camera.width), np.float32)
     for y in range(0, camera.height, TILE_PX[1]):
@@ -30,7 +30,7 @@ def draw(scene: Scene, camera: Camera, pose: np.ndarray) -> np.ndarray:
 
 
 def _tile(drawn: Any, camera: Camera, pose: np.ndarray, x: int, y: int, width: int, height: int) -> np.ndarray:
-    renderer = _context()[0]
+    renderer = open_context()[0]
     renderer.viewport_width, renderer.viewport_height = width * SAMPLES, height * SAMPLES
     lens = pyrender.IntrinsicsCamera(
         camera.fx * SAMPLES,
@@ -51,7 +51,7 @@ def _tile(drawn: Any, camera: Camera, pose: np.ndarray, x: int, y: int, width: i
 
 
 def _read_red(scene: Any, flags: int) -> tuple[np.ndarray, None]:
-    renderer = _context()[0]._renderer
+    renderer = open_context()[0]._renderer
     width, height = renderer._main_fb_dims
     GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, renderer._main_fb_ms)
     GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)

@@ -1,4 +1,4 @@
-"""The pictures of the renderer in docs/: `python benchmarks/render_pictures.py --out docs`."""
+"""The images of the renderer in docs/: `python benchmarks/render_pictures.py --out docs`."""
 
 import argparse
 from dataclasses import replace
@@ -33,7 +33,7 @@ def furniture() -> tuple[Mesh, ...]:
 
     parts = [((1.0, 0.6, 0.04), (0, 0, 0.72))]
     parts += [((0.05, 0.05, 0.7), (x, y, 0.35)) for x in (-0.45, 0.45) for y in (-0.25, 0.25)]
-    boxes = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(place)) for size, place in parts]
+    boxes = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(center)) for size, center in parts]
     table = trimesh.util.concatenate(boxes)
     crate = trimesh.creation.box((0.35, 0.35, 0.35))
     poses = compose(rotation_about("z", 25), [0.6, 0.9, 0]), compose(rotation_about("z", 50), [-0.7, 1.2, 0.175])
@@ -43,14 +43,14 @@ def furniture() -> tuple[Mesh, ...]:
     )
 
 
-def pictures() -> dict[str, np.ndarray]:
-    """Return the named pictures."""
+def images() -> dict[str, np.ndarray]:
+    """Return the named images."""
     scene = room()
     flat = replace(scene, meshes=())
     lamps = (Light("ambient", 0.35), Light("point", 1.1, position_m=(-0.6, -0.4, 2.4), reference_m=2.0))
     front = look_at([0.3, -1.6, 1.5], [0.0, 1.2, 0.5])
     grazing = look_at([-1.6, 1.75, 1.0], [0.6, 1.99, 1.0])
-    way = Trajectory(
+    trajectory = Trajectory(
         np.array([-0.5, 0.5]),
         np.stack([front @ compose(rotation_about("y", a), [x, 0, 0]) for a, x in ((-25, -0.6), (25, 0.6))]),
     )
@@ -59,8 +59,8 @@ def pictures() -> dict[str, np.ndarray]:
         "grazing": (flat, CAMERA, grazing),
         "shadows": (replace(scene, lights=lamps), CAMERA, front),
         "fisheye": (replace(scene, lights=lamps), FISHEYE, look_at([0.3, -0.4, 1.5], [0.0, 1.2, 0.5])),
-        "rolling_shutter": (flat, replace(CAMERA, row_time_s=3e-4), way),
-        "blur": (flat, replace(CAMERA, exposure_s=0.03), way),
+        "rolling_shutter": (flat, replace(CAMERA, row_time_s=3e-4), trajectory),
+        "blur": (flat, replace(CAMERA, exposure_s=0.03), trajectory),
     }
     return {name: render(*view, renderer="exact").image for name, view in views.items()}
 
@@ -69,7 +69,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs"))
     folder = parser.parse_args().out
-    shown = pictures()
+    shown = images()
     names = list(shown)
     rows = [np.concatenate([np.pad(shown[n], 4, constant_values=255) for n in names[k : k + 3]], 1) for k in (0, 3)]
     for name, image in shown.items():

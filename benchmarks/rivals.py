@@ -15,7 +15,7 @@ ROWS = ("detect", "detect + describe", "strongest 200")
 
 
 def jobs(gray: NDArray[np.uint8]) -> dict[str, dict[str, Job]]:
-    """Row → library → what to time on this picture."""
+    """Row → library → what to time on this image."""
     found = len(surf.detect(gray))
     every = {row: {"peakmark": job} for row, job in zip(ROWS, _ours(gray), strict=True)}
     for library, pair in _rivals(gray, found).items():

@@ -19,7 +19,7 @@ HAAR_SAMPLES, HAAR_CORNERS = 113, 8
 
 
 class Stage(NamedTuple):
-    """One stage on one picture."""
+    """One stage on one image."""
 
     name: str
     run: Callable[[], object]
@@ -37,7 +37,7 @@ class StageTime(NamedTuple):
 
 
 def stages(gray: NDArray[np.uint8]) -> list[Stage]:
-    """Stages of `detect_and_describe` on this picture, in order."""
+    """Stages of `detect_and_describe` on this image, in order."""
     pixels = gray.size
     integral = padded_integral(gray)
     records = find_interest_points(integral, gray.shape, 100.0, 4, 3, None)
@@ -65,7 +65,7 @@ def stages(gray: NDArray[np.uint8]) -> list[Stage]:
 
 
 def time_stages(gray: NDArray[np.uint8], rounds: int) -> list[StageTime]:
-    """Medians over rounds in which each stage and a copy of its bytes take turns; "descriptors" has the pairs in it."""
+    """Medians over rounds of each stage and a copy of its bytes, alternating; "descriptors" includes the pairs."""
     times = []
     for stage in stages(gray):
         source = np.ones(int(stage.megabytes * 1e6 / 2), dtype=np.uint8)  # a copy reads and writes

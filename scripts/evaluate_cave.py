@@ -1,6 +1,6 @@
 """Score the reading of marker arrays on random rooms: `python scripts/evaluate_cave.py --help`."""
 
-from peakmark.cli.cave_evaluation_command import evaluate_cave
+from peakmark.cli.cave import evaluate_cave
 from peakmark.cli.command import run_command
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Train and judge the classifier of key points: `python scripts/train_classifier.py --help`."""
 
-from peakmark.cli.cave_training_command import train_classifier
+from peakmark.cli.cave import train_classifier
 from peakmark.cli.command import run_command
 
 if __name__ == "__main__":

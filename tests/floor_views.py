@@ -1,4 +1,4 @@
-"""Markers on a floor as an ideal camera sees them: exact projections, with noise on request, without any picture."""
+"""Markers on a floor as an ideal camera sees them: exact projections, with noise on request, without rendering."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ CAMERA = Camera(1024, 768, 700.0, 700.0, 511.5, 383.5)
 
 @dataclass(frozen=True)
 class Seen:
-    """What the camera sees of a map."""
+    """The markers of a map that are in view."""
 
     names: NDArray[np.intp]
     """(n,) indices into the map."""
@@ -32,7 +32,7 @@ class Seen:
 
 
 def winding_map(rng: np.random.Generator, count: int = 40, bend: float = 0.1) -> FloorMap:
-    """Return markers at even steps along a path that turns by about `bend` radians a step."""
+    """Return markers at even steps along a path that bends by about `bend` radians a step."""
     heading = np.cumsum(rng.normal(0, bend, count))
     xy = np.cumsum(SPACING_M * np.stack([np.sin(heading), np.cos(heading)], axis=1), axis=0)
     return FloorMap(np.column_stack([xy, np.zeros(count)]), SIDE_M)
@@ -64,7 +64,7 @@ def view(
     noise_px: float = 0.0,
     smallest_px: float = 14.0,
 ) -> Seen:
-    """Return the markers inside the image, each turned at random, by central differences of the projection."""
+    """Return the markers inside the image, each rotated at random, by central differences of the projection."""
     centers, step = floor_map.centers_m, 1e-4
     ends = [transform(invert(pose), centers + step * np.eye(3)[axis] * sign) for axis in (0, 1) for sign in (1, -1)]
     image = [camera.project(end) for end in ends]
@@ -75,11 +75,11 @@ def view(
         axis=1
     )
     names = np.flatnonzero(inside & (sides > smallest_px))
-    turns = np.stack([rotation_about("z", t)[:2, :2] for t in rng.uniform(0, 360, len(centers))])[names]
+    rotations = np.stack([rotation_about("z", t)[:2, :2] for t in rng.uniform(0, 360, len(centers))])[names]
     return Seen(
         names,
         xy[names] + noise_px * rng.standard_normal((len(names), 2)),
-        shapes[names] @ turns + noise_px * rng.standard_normal((len(names), 2, 2)),
+        shapes[names] @ rotations + noise_px * rng.standard_normal((len(names), 2, 2)),
     )
 
 

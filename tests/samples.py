@@ -1,4 +1,4 @@
-"""Key points and pictures that tests share."""
+"""Key points and images that tests share."""
 
 import cv2
 import numpy as np
@@ -29,7 +29,7 @@ def assert_equal(a: Keypoints, b: Keypoints) -> None:
 
 
 def speckled(height: int, width: int, seed: int = 0) -> NDArray[np.uint8]:
-    """Noise at several scales: blobs of many sizes, at any place."""
+    """Noise at several scales: blobs of many sizes, anywhere."""
     rng = np.random.default_rng(seed)
     levels = sum(
         cv2.GaussianBlur(rng.normal(0, 40 * sigma, (height, width)).astype(np.float32), (0, 0), sigma)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from peakmark.regress.compare import compare
+from peakmark.regress.compare import compare_records
 from peakmark.regress.page import write_page
-from peakmark.regress.run import PICTURE
+from peakmark.regress.run import IMAGE_NAME
 from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -29,14 +29,14 @@ LONG_NAME = "exec:" + "a_program_with_a_long_name" * 6 + " <b>'\""
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report with faults, pictures, and a detector's name that is long and looks like HTML."""
+    """A report with faults, images, and a detector's name that is long and looks like HTML."""
     folder = tmp_path_factory.mktemp("a folder's name")
     for i in range(20):
         levels = np.random.default_rng(i).integers(0, 255, (480, 640)).astype(np.uint8)
-        Image.fromarray(levels).save(folder / PICTURE.format(i))
+        Image.fromarray(levels).save(folder / IMAGE_NAME.format(i))
     after = record(*(frame(i, missed(), marker(90.0, side=60.0), features=300) for i in range(20)))
-    named = replace(after, detector={**after.detector, "name": LONG_NAME})
-    write_page(folder / "report.html", compare(named, sound()), folder)
+    named = replace(after, detector=replace(after.detector, name=LONG_NAME))
+    write_page(folder / "report.html", compare_records(named, sound()), folder)
     return folder / "report.html"
 
 
@@ -69,12 +69,12 @@ def seen(browser: Any, report: Path, request: pytest.FixtureRequest) -> Iterator
     seen.page.close()
 
 
-def test_it_loads_in_silence_from_one_file(seen: Seen, report: Path) -> None:
+def test_it_loads_from_one_file_without_a_complaint(seen: Seen, report: Path) -> None:
     assert seen.complaints == []
     assert [url for url in seen.requests if not url.startswith("data:")] == [report.as_uri()]
 
 
-def test_every_picture_has_a_size(seen: Seen) -> None:
+def test_every_image_has_a_size(seen: Seen) -> None:
     sizes = seen.page.evaluate(
         "Array.from(document.images, i => [i.complete, i.naturalWidth, i.naturalHeight, i.clientWidth, i.clientHeight])"
     )

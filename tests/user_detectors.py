@@ -1,6 +1,7 @@
-"""Finders as users might bring them, good and bad: run as `module:function` in a process of their own."""
+"""Detectors as users might bring them, good and bad: run as `module:function` in a process of their own."""
 
 import os
+import sys
 import time
 from dataclasses import replace
 from typing import Any
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from peakmark.identification.api import LOW_THRESHOLD
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.regress.detector import FinderSettings, built_in
+from peakmark.regress.detector import DetectorSettings, built_in_detector
 from peakmark.regress.detector_protocol import Found
 
 
@@ -34,6 +35,11 @@ def chatty(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     return brightest(gray)
 
 
+def process_id(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Tell as the response in which process this runs."""
+    return [cv2.KeyPoint(0.0, 0.0, 1.0, -1.0, float(os.getpid()))]
+
+
 def hangs_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     if gray.max() < 10:
         time.sleep(1000)
@@ -42,7 +48,7 @@ def hangs_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
 
 def dies_on_dark(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     if gray.max() < 10:
-        print("out of luck", file=__import__("sys").stderr, flush=True)
+        print("out of luck", file=sys.stderr, flush=True)
         os._exit(7)
     return brightest(gray)
 
@@ -72,7 +78,7 @@ def always_dies(gray: NDArray[np.uint8]) -> Any:
 
 
 def fails_on_every_third(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
-    """Fail on every third picture, by what is in it."""
+    """Fail on every third image, by its content."""
     if int(gray.sum()) % 3 == 1:
         raise RuntimeError("not today")
     return brightest(gray)
@@ -83,12 +89,12 @@ def everything(gray: NDArray[np.uint8]) -> Found:
     return Found(Keypoints.from_opencv(brightest(gray)), detection(gray))
 
 
-# --- planted faults: our own finder with one thing broken ---------------------------------------------------------
+# --- planted faults: our own detector with one fault ---------------------------------------------------------
 
 
 def markers(gray: NDArray[np.uint8], **parameters: Any) -> Found:
     """Find markers as the suite of the floor does."""
-    return built_in(FinderSettings(stretch=1.5, parameters=parameters))(gray)
+    return built_in_detector(DetectorSettings(stretch=1.5, parameters=parameters))(gray)
 
 
 def shifted(found: Found) -> Found:
@@ -109,7 +115,7 @@ FAULTS = ("threshold × 2", "one octave missing", "half a pixel", "polarity swap
 
 
 def with_faults(gray: NDArray[np.uint8]) -> dict[str, Found]:
-    """Return what the sound finder finds, under "sound", and what each faulty one does."""
+    """Return what the sound detector finds, under "sound", and what each faulty one finds."""
     sound = markers(gray)
     faulty = (markers(gray, threshold=2 * LOW_THRESHOLD), markers(gray, octaves=3), shifted(sound), swapped(sound))
     return {"sound": sound, **dict(zip(FAULTS, faulty, strict=True))}

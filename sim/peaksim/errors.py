@@ -2,7 +2,7 @@
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the message names the place, what was expected and what came."""
+    """Input that cannot be used; the message names the field or file, what was expected and what came."""
 
 
 class SceneError(InputError):
@@ -14,4 +14,4 @@ class ImageError(InputError):
 
 
 class RendererError(RuntimeError):
-    """The renderer failed although the input was fine (no GL context, a lost context)."""
+    """The renderer failed although the input was valid (no GL context, a lost context)."""

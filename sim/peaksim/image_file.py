@@ -1,4 +1,4 @@
-"""Reading pictures from outside: any of them may be hostile, so size and kind are checked before decoding."""
+"""Reading image files from outside: any of them may be hostile, so size and format are checked before decoding."""
 
 import warnings
 from pathlib import Path
@@ -11,22 +11,22 @@ from PIL import Image, UnidentifiedImageError
 from peaksim.errors import ImageError
 
 MAX_PIXELS = 200_000_000
-"""Larger pictures are refused before they are decoded: 200 megapixels."""
+"""Larger images are refused before they are decoded: 200 megapixels."""
 
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP")
-"""What is read; other formats that Pillow knows are refused, some of them run programs."""
+"""Formats that are read. Others that Pillow knows are refused: some of them run programs."""
 
 
 def read_image(source: str | Path | BinaryIO, name: str | None = None) -> NDArray[Any]:
-    """Return a picture file as (H, W) or (H, W, 3) RGB uint8, or (H, W) uint16.
+    """Return an image file as (H, W) or (H, W, 3) RGB uint8, or (H, W) uint16.
 
     `source` is a path or an open file; errors call it `name`, by default the path. Palettes are resolved, transparency
-    is dropped, only the first of several pictures is read.
+    is dropped, and only the first of several images is read.
 
     Raises
     ------
     ImageError
-        One line that names the file: it is missing, no picture, damaged, cut off, or larger than `MAX_PIXELS`.
+        One line that names the file: it is missing, not an image, damaged, truncated, or larger than `MAX_PIXELS`.
     """
     path = name or source
     try:
@@ -38,7 +38,7 @@ def read_image(source: str | Path | BinaryIO, name: str | None = None) -> NDArra
                     raise ImageError(f"{path}: expected at most {MAX_PIXELS} pixels, got {width}×{height}")
                 return _as_array(image)
     except UnidentifiedImageError as error:
-        raise ImageError(f"{path}: expected a picture ({', '.join(FORMATS)}), found none") from error
+        raise ImageError(f"{path}: expected an image ({', '.join(FORMATS)}), found none") from error
     except Image.DecompressionBombError as error:
         raise ImageError(f"{path}: expected at most {MAX_PIXELS} pixels: {error}") from error
     except (OSError, ValueError, SyntaxError, EOFError) as error:

@@ -1,8 +1,8 @@
 """How Numba compiles the kernels of both packages.
 
 Functions that Python calls are `kernel`s, cached on disk; those that only kernels call are `part`s. A part has no
-entry from Python, which halves the time that a first run spends compiling; `part.py_func` is the plain function.
-Literal arguments make Numba compile a part once more for each value: pass variables.
+entry point from Python, which halves the time that a first run spends compiling; `part.py_func` is the plain function.
+Literal arguments make Numba compile a part again for each value: pass variables.
 """
 
 from collections.abc import Callable

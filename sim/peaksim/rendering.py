@@ -1,4 +1,4 @@
-"""render: one call, three renderers; pictures and truth come from the same shot."""
+"""render: one call, three renderers; image and truth come from the same posed camera."""
 
 import sys
 from collections.abc import Sequence
@@ -13,11 +13,12 @@ from peaksim.area.integrate import integrate
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import quantise
-from peaksim.camera.shutter import Shot, still
+from peaksim.camera.shutter import PosedCamera, still_camera
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import rigid
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
+from peaksim.gl.context import why_not
 from peaksim.scene.needs import left_out
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
@@ -27,8 +28,9 @@ Renderer = Literal["auto", "exact", "gl", "traced"]
 DrawnBy = Literal["exact", "gl", "traced"]
 
 MOST_MOMENTS = 256
-"""Most pictures that a motion blur is made of."""
+"""Most sharp images that a motion blur is averaged from."""
 _MOMENTS_PER_PX = 1.5
+"""Sharp images for each pixel that the scene moves: steps of ⅔ px, below what a pixel resolves."""
 
 
 def render(
@@ -41,17 +43,17 @@ def render(
     seed: int | Sequence[int] = 0,
     max_depth: int = traced.MAX_DEPTH,
 ) -> Frame:
-    """Return the picture of a scene and its truth.
+    """Return the image of a scene and its truth.
 
     Parameters
     ----------
     scene, camera
-        What is seen, and by what.
+        What there is to see, and the camera that sees it.
     world_from_camera
         (4, 4) pose; or a trajectory, along which the camera moves while its rows are exposed one after another
         (`row_time_s`) and each over some time (`exposure_s`).
     renderer
-        "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and
+        "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and GL
         can draw this; "traced" follows light over area lamps, sky, gloss and lens with Mitsuba 3, and is noisy.
     time_s
         Mid-exposure of the middle row on the trajectory; kept in the frame.
@@ -65,97 +67,99 @@ def render(
     RendererError
         If OpenGL fails.
     """
-    shot = _shot(camera, world_from_camera, time_s)
+    posed = _posed_camera(camera, world_from_camera, time_s)
     if renderer not in get_args(Renderer):
         raise SceneError(f'renderer: expected "auto", "exact", "gl" or "traced", got {renderer!r}')
-    chosen = choose(shot, renderer)
+    chosen = choose_renderer(posed, renderer)
     if chosen == "traced":
-        linear, gl_renderer = traced.integrate(scene, shot, samples, seed, max_depth), None
+        linear, gl_renderer = traced.integrate(scene, posed, samples, seed, max_depth), None
     else:
-        linear, gl_renderer = draw(scene, shot, chosen)
+        linear, gl_renderer = draw_levels(scene, posed, chosen)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
         image=quantise(linear),
         linear=linear,
         camera=camera,
-        world_from_camera=shot.pose,
+        world_from_camera=posed.pose,
         time_s=time_s,
-        truth=marker_truth(scene, shot),
+        truth=marker_truth(scene, posed),
         renderer=chosen,
         gl_renderer=gl_renderer,
-        surfaces=lambda: surfaces(scene, shot),
-        shot=shot,
+        surfaces=lambda: surfaces(scene, posed),
+        posed_camera=posed,
     )
 
 
-def _shot(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> Shot:
+def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> PosedCamera:
     if not np.isfinite(time_s):
         raise SceneError(f"time_s: expected a finite time, got {time_s}")
     if isinstance(world_from_camera, Trajectory):
-        return Shot(camera, world_from_camera, time_s)
-    return still(camera, rigid(world_from_camera, "world_from_camera"))
+        return PosedCamera(camera, world_from_camera, time_s)
+    return still_camera(camera, rigid(world_from_camera, "world_from_camera"))
 
 
-def choose(shot: Shot, renderer: Renderer) -> DrawnBy:
-    """Return the renderer to use; "auto" takes GL where a context opens and can draw this.
+def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:
+    """Return the renderer to use; "auto" takes GL where a context opens and GL can draw this.
 
     Raises
     ------
     SceneError
-        If "gl" is asked for what only "exact" draws: a rolling shutter.
+        If "gl" is requested for what only "exact" draws: a rolling shutter.
     """
     if renderer in ("exact", "traced"):
         return renderer
     if renderer == "gl":
-        if shot.is_rolling:
+        if posed.is_rolling:
             raise SceneError('renderer: expected "exact" or "auto" for a rolling shutter, got "gl"')
         return "gl"
-    if shot.is_rolling:
+    if posed.is_rolling:
         return "exact"
-
-    if render_gl.is_available():
+    reason = why_not()
+    if reason is None:
         return "gl"
-    _say_once("no OpenGL context opens here: going on with the exact renderer, which needs none")
+    _warn_once(f"{reason}; drawing with the exact renderer, which needs no OpenGL")
     return "exact"
 
 
 @cache
-def _say_once(message: str) -> None:
+def _warn_once(message: str) -> None:
     print(f"peaksim: {message}", file=sys.stderr)
 
 
-def draw(scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]) -> tuple[NDArray[np.float32], str | None]:
+def draw_levels(
+    scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"]
+) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
-    if names := left_out(scene, shot.camera):
-        _say_once(f'the {renderer} renderer leaves out {", ".join(names)}; renderer "traced" draws them')
-    moments = shot.moments(count_moments(scene, shot)) if shot.is_blurred else (shot,)
-    pictures = (_draw_sharp(scene, moment, renderer) for moment in moments)
-    linear = next(pictures) / np.float32(len(moments)) if len(moments) > 1 else next(pictures)
-    for picture in pictures:
-        linear += picture / np.float32(len(moments))
+    if names := left_out(scene, posed.camera):
+        _warn_once(f'the {renderer} renderer leaves out {", ".join(names)}; renderer "traced" draws them')
+    moments = posed.moments(count_moments(scene, posed)) if posed.is_blurred else (posed,)
+    images = (_draw_sharp(scene, moment, renderer) for moment in moments)
+    linear = next(images) / np.float32(len(moments)) if len(moments) > 1 else next(images)
+    for image in images:
+        linear += image / np.float32(len(moments))
     if renderer == "exact":
         return linear, None
 
     return linear, render_gl.gl_renderer()
 
 
-def _draw_sharp(scene: Scene, shot: Shot, renderer: Literal["exact", "gl"]) -> NDArray[np.float32]:
+def _draw_sharp(scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"]) -> NDArray[np.float32]:
     if renderer == "exact":
-        return integrate(scene, shot.camera, shot.row_poses(np.arange(shot.camera.height)))
+        return integrate(scene, posed.camera, posed.row_poses(np.arange(posed.camera.height)))
 
-    return render_gl.integrate(scene, shot.camera, shot.pose)
+    return render_gl.integrate(scene, posed.camera, posed.pose)
 
 
-def count_moments(scene: Scene, shot: Shot) -> int:
-    """Return how many pictures a motion blur is made of: three for every two pixels that what is seen moves."""
-    camera = shot.camera
+def count_moments(scene: Scene, posed: PosedCamera) -> int:
+    """Return how many sharp images a motion blur is averaged from: three for every two pixels that the scene moves."""
+    camera = posed.camera
     x, y = np.meshgrid(np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 7))
     xy = np.stack([x, y], axis=2)
-    poses, rays, world_rays = shot.rays(xy)
-    depth = surfaces_at(scene, shot, xy).depth_m.ravel().astype(np.float64)
+    poses, rays, world_rays = posed.rays(xy)
+    depth = surfaces_at(scene, posed, xy).depth_m.ravel().astype(np.float64)
     reach = np.where(np.isfinite(depth), depth, 1e3) / np.maximum(rays[:, 2], 1e-3)
     points = poses[:, :3, 3] + reach[:, None] * world_rays
-    way = np.stack([moment.project(points) for moment in shot.moments(4)])
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=2)
+    paths_xy = np.stack([moment.project(points) for moment in posed.moments(4)])
+    steps = np.linalg.norm(np.diff(paths_xy, axis=0), axis=2)
     motion_px = 4 * np.nanmax(steps, initial=0) if np.isfinite(steps).any() else 0.0
     return int(np.clip(np.ceil(_MOMENTS_PER_PX * motion_px), 2, MOST_MOMENTS))

@@ -1,4 +1,4 @@
-"""Where scenes and assets are: beside the sources, or inside an installed package."""
+"""Where scenes and assets are: beside the sources, or inside the installed package."""
 
 from pathlib import Path
 
@@ -12,13 +12,13 @@ SCENES = _ROOT / "scenes"
 ASSETS = _ROOT / "assets"
 
 
-def inside(root: Path, relative: str, name: str) -> Path:
-    """Return `root / relative`, refusing a path that leaves `root` or is no file.
+def file_inside(root: Path, relative: str, name: str) -> Path:
+    """Return `root / relative`, refusing a path that leaves `root` or is not a file.
 
     Raises
     ------
     SceneError
-        With `name` (the field) in front.
+        The message starts with `name`, the field.
     """
     path = (root / relative).resolve()
     if not path.is_relative_to(root.resolve()):

@@ -1,4 +1,4 @@
-"""TOML files as models: reading with a limit, and faults said in one line with file, field and what was expected."""
+"""TOML files as models: read with a size limit; a fault is one line with file, field and what was expected."""
 
 import tomllib
 from difflib import get_close_matches
@@ -20,7 +20,7 @@ def parse_toml(file: Path) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        One line: it is missing, too large, or no TOML.
+        One line: it is missing, too large, or not TOML.
     """
     try:
         if file.stat().st_size > _LARGEST_FILE:
@@ -47,9 +47,9 @@ def validate(model: type[Model], content: Any, name: str) -> Model:
 
 
 def _first_fault(model: type[BaseModel], error: ValidationError) -> str:
-    """Say in one line what is wrong with the first faulty field, and how many more there are."""
+    """Return one line: what is wrong with the first faulty field, and how many more there are."""
     faults = error.errors(include_url=False)
-    # an unknown field explains a missing one beside it, so it is said first
+    # an unknown field explains a missing one beside it, so it comes first
     fault = min(faults, key=lambda f: f["type"] != "extra_forbidden")
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"]).lstrip(".")
     more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
@@ -62,7 +62,7 @@ def _what(model: type[BaseModel], fault: Any) -> str:
     if fault["type"] == "missing":
         return "missing field"
     message = str(fault["msg"])
-    if fault["type"] == "value_error":  # our own words already say what came
+    if fault["type"] == "value_error":  # our own messages already say what came
         return message.removeprefix("Value error, ")
     return f"{message[0].lower()}{message[1:]}, got {fault['input']!r:.80}"
 

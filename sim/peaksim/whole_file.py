@@ -7,14 +7,14 @@ from pathlib import Path
 
 
 def write_whole(path: Path, content: bytes | str) -> None:
-    """Write a file, text as UTF-8; who reads it meanwhile sees what was there before."""
+    """Write a file, text as UTF-8; whoever reads it meanwhile sees the old content."""
     with whole_file(path) as unfinished:
         unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give a name beside `path` to write to; the file takes its place when the block ends without an exception."""
+    """Yield a path beside `path` to write to, which is renamed to `path` when the block ends without an exception."""
     unfinished = path.with_name(f".{os.getpid()}-unfinished-{path.name}")
     try:
         yield unfinished

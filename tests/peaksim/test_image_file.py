@@ -1,4 +1,4 @@
-"""Reading pictures: every kind we take, bit for bit, and hostile ones as one line."""
+"""Reading images: every kind we take, bit for bit, and hostile ones as one line."""
 
 import struct
 import zlib
@@ -15,10 +15,10 @@ RGB = np.stack([GRAY, 255 - GRAY, GRAY // 2], axis=2)
 
 
 @pytest.mark.parametrize("ending", ["png", "tiff", "bmp"])
-@pytest.mark.parametrize("picture", [GRAY, RGB], ids=["grey", "rgb"])
-def test_lossless_formats_come_back_bit_for_bit(tmp_path: Path, ending: str, picture: np.ndarray) -> None:
-    Image.fromarray(picture).save(tmp_path / f"p.{ending}")
-    assert np.array_equal(read_image(tmp_path / f"p.{ending}"), picture)
+@pytest.mark.parametrize("image", [GRAY, RGB], ids=["grey", "rgb"])
+def test_lossless_formats_come_back_bit_for_bit(tmp_path: Path, ending: str, image: np.ndarray) -> None:
+    Image.fromarray(image).save(tmp_path / f"p.{ending}")
+    assert np.array_equal(read_image(tmp_path / f"p.{ending}"), image)
 
 
 @pytest.mark.parametrize("ending", ["png", "tiff"])
@@ -55,9 +55,9 @@ def test_hostile_files_are_one_line_that_names_them(tmp_path: Path) -> None:
     cases = {
         "bomb.png": (bomb(30_000, 30_000), "expected at most"),
         "cut.png": (whole.read_bytes()[:1500], "cannot be read"),
-        "empty.png": (b"", "expected a picture"),
-        "text.jpg": (b"I am no picture", "expected a picture"),
-        "ps.eps": (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "expected a picture"),
+        "empty.png": (b"", "expected an image"),
+        "text.jpg": (b"I am no image", "expected an image"),
+        "ps.eps": (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "expected an image"),
     }
     for name, (content, message) in cases.items():
         (tmp_path / name).write_bytes(content)

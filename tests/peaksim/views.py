@@ -14,7 +14,7 @@ NAMES = ("gravel", "brick", "camera", "astronaut")
 
 @dataclass(frozen=True)
 class View:
-    """A scene and where it is seen from."""
+    """A scene and the pose of the camera."""
 
     name: str
     scene: Scene
@@ -88,12 +88,12 @@ def random_view(seed: int, width: int = 256, height: int = 192) -> View:
     eye = distance * (np.cos(np.radians(incidence)) * normal - np.sin(np.radians(incidence)) * along)
     pose = look_at(eye, np.zeros(3), up=normal if kind == "floor" else (0, 0, 1))
     pose = pose @ compose(rotation_about("z", roll), np.zeros(3))
-    turned = plane @ rotation_about("z", azimuth)
-    quads = [Quad("plane", texture, (side, side), compose(turned, np.zeros(3)))]
+    rotated = plane @ rotation_about("z", azimuth)
+    quads = [Quad("plane", texture, (side, side), compose(rotated, np.zeros(3)))]
     for k in range(6):
-        place = plane @ np.array([*rng.uniform(-0.8, 0.8, 2), 0.002 + 0.02 * k])
+        position = plane @ np.array([*rng.uniform(-0.8, 0.8, 2), 0.002 + 0.02 * k])
         tilt = rotation_about("xy"[k % 2], rng.uniform(-60, 60) if k > 2 else 0.0)
-        tile = compose(plane @ rotation_about("z", rng.uniform(0, 360)) @ tilt, place)
+        tile = compose(plane @ rotation_about("z", rng.uniform(0, 360)) @ tilt, position)
         quads.append(Quad(f"tile{k}", other, (0.25, 0.25), tile))
     label = f"{seed} {kind} {name} {incidence:.0f}° roll {roll:.0f}° {density:.2f} texel/px"
     return View(label, Scene(tuple(quads)), camera, pose)

@@ -1,4 +1,4 @@
-"""The exact renderer: every pixel is the integral of what it sees over its area."""
+"""The exact renderer: every pixel is the mean of what it shows over its area."""
 
 from peaksim.area.integrate import integrate
 

@@ -1,4 +1,4 @@
-"""Bands of rows: each is drawn by itself, in a thread of its own."""
+"""Bands of rows: each is drawn independently, in any thread."""
 
 import os
 from collections.abc import Callable
@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.cells import Cells, Rays, refined, refined_cells, splits
+from peaksim.area.cells import Cells, Rays, count_splits, split_cells, split_rays
 from peaksim.area.cut import MAX_PIECES, cut_mixed
-from peaksim.area.faces import Faces, Views, faces_of
+from peaksim.area.faces import Faces, FaceViews, faces_of
 from peaksim.area.light import light_owned, light_pieces, pack_lights
 from peaksim.area.owner import MIXED
 from peaksim.area.piece import add_pieces
@@ -21,94 +21,89 @@ from peaksim.scene.scene import Scene
 
 BAND_ROWS = 16
 """Rows a thread takes at a time; fixed, so that bytes do not depend on the number of threads."""
-
-
 _PIECES = 8192
-
+"""Pieces that are cut before they are added up: 3 MB of memory a thread."""
 
 Levels = NDArray[np.float32]
-
-
 Lists = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
 
 
-class Seen(NamedTuple):
-    """A scene as the kernels need it."""
+class PackedScene(NamedTuple):
+    """A scene as tables for the kernels."""
 
     faces: Faces
     """Quads and triangles."""
     lights: NDArray[np.float64]
-    """Table of lights, (0, 7) where things are shown as printed."""
+    """Table of lights, (0, 7) if surfaces are shown as printed."""
     solids: Solids
-    """The meshes, which throw shadows."""
+    """The meshes, which cast shadows."""
     background: float
-    """Level where nothing is."""
+    """Grey level where nothing is."""
 
 
-def see(scene: Scene) -> Seen:
-    """Return a scene as the kernels need it."""
-    lights = np.zeros((0, 7))
-    if scene.plain_lights:
-        lights = pack_lights(scene.plain_lights)
-    return Seen(faces_of(scene), lights, solids_of(scene, quads=False), float(scene.background))
+def pack_scene(scene: Scene) -> PackedScene:
+    """Return a scene as tables for the kernels."""
+    return PackedScene(
+        faces_of(scene), pack_lights(scene.plain_lights), solids_of(scene, quads=False), float(scene.background)
+    )
 
 
-def draw_split(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, cells: Cells, out: Levels) -> None:
-    """Write a band with pixels split where depth is steep; `eyes` is (1 or h, 3), the camera's place."""
-    across, down = splits(views, rays, cells)
+def draw_split(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
+    """Write a band with pixels split where depth is steep."""
+    across, down = count_splits(views, rays, cells)
     if across == down == 1:
-        draw_band(seen, views, eyes, rays, cells, out)
+        draw_band(packed, views, rays, cells, out)
         return
-    fine = refined(rays, across, down)
+    fine = split_rays(rays, across, down)
     if len(views.sides) > 1:
         sides, printed = np.repeat(views.sides, down, axis=0), np.repeat(views.printed, down, axis=0)
-        views, eyes = Views(sides, printed, views.least), np.repeat(eyes, down, axis=0)
+        views = FaceViews(sides, printed, views.least, np.repeat(views.eyes, down, axis=0))
     parts = np.empty((len(fine) - 1, fine.shape[1] - 1, out.shape[2]), dtype=np.float32)
-    draw_band(seen, views, eyes, fine, refined_cells(cells, across, down), parts)
+    draw_band(packed, views, fine, split_cells(cells, across, down), parts)
     out[:] = parts.reshape(out.shape[0], down, out.shape[1], across, out.shape[2]).mean(axis=(1, 3))
 
 
-def draw_band(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, cells: Cells, out: Levels) -> None:
+def draw_band(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
     """Write a band: first the pixels that one face fills, then those that several share."""
     width, channels = out.shape[1:]
     memory = np.empty((2, 2, CHUNK + 1)), np.empty((channels, width)), np.full(width, -1)
-    table, texels = seen.faces.table, seen.faces.texels
-    fill_owned(rays, views.sides, views.printed, table, texels, cells.owners, seen.background, *memory, out)
-    if len(seen.lights):
-        light_owned(rays, views.sides, *_lighting(seen, eyes), cells.owners, out)
+    table, texels = packed.faces.table, packed.faces.texels
+    fill_owned(rays, views.sides, views.printed, table, texels, cells.owners, packed.background, *memory, out)
+    if len(packed.lights):
+        light_owned(rays, views.sides, *_lighting(packed, views), cells.owners, out)
     if (cells.owners == MIXED).any():
-        draw_mixed(seen, views, eyes, rays, cells, out)
+        draw_mixed(packed, views, rays, cells, out)
 
 
-def draw_mixed(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, cells: Cells, out: Levels) -> None:
+def draw_mixed(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
     """Write the pixels of a band that several faces share."""
     most = max(_PIECES, int(cells.counts.max()) * MAX_PIECES)
     lists = new_lists(most)
     first = 0
     while first < cells.owners.size:
-        n, first = cut_mixed(rays, views.sides, *cells, seen.background, first, *lists, out)
-        draw_pieces(seen, views, eyes, n, lists, out)
+        n, first = cut_mixed(rays, views.sides, *cells, packed.background, first, *lists, out)
+        draw_pieces(packed, views, n, lists, out)
 
 
 def new_lists(most: int) -> Lists:
-    """Return room for pieces of pixels: `polygons`, `pieces` and `shares` of `cut_mixed`."""
+    """Return memory for pieces of pixels: `polygons`, `pieces` and `shares` of `cut_mixed`."""
     return np.empty((most, MAX_VERTICES, 2)), np.empty((most, 4), np.int64), np.empty(most)
 
 
-def draw_pieces(seen: Seen, views: Views, eyes: NDArray[np.float64], n: int, lists: Lists, out: Levels) -> None:
+def draw_pieces(packed: PackedScene, views: FaceViews, n: int, lists: Lists, out: Levels) -> None:
     """Add the first n pieces to a band."""
-    if len(seen.lights):
-        light_pieces(*_lighting(seen, eyes), n, *lists)
-    add_pieces(views.printed, seen.faces.table, seen.faces.texels, n, *lists, out)
+    if len(packed.lights):
+        light_pieces(*_lighting(packed, views), n, *lists)
+    add_pieces(views.printed, packed.faces.table, packed.faces.texels, n, *lists, out)
 
 
-def _lighting(seen: Seen, eyes: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
-    return seen.faces.planes, seen.faces.table, eyes, seen.lights, *seen.solids[:3]
+def _lighting(packed: PackedScene, views: FaceViews) -> tuple[NDArray[Any], ...]:
+    return packed.faces.planes, packed.faces.table, views.eyes, packed.lights, *packed.solids[:3]
 
 
-def in_threads(work: Callable[[int], None], items: range) -> None:
+def run_in_threads(work: Callable[[int], None], items: range) -> None:
     """Do the work for all items, in as many threads as the process may use processors."""
-    if (count := threads()) == 1:
+    if (count := thread_count()) == 1:
         for item in items:
             work(item)
         return
@@ -116,6 +111,6 @@ def in_threads(work: Callable[[int], None], items: range) -> None:
         list(pool.map(work, items))
 
 
-def threads() -> int:
+def thread_count() -> int:
     """Return how many threads render: PEAKSIM_THREADS, else the processors this process may use."""
     return max(1, int(os.environ.get("PEAKSIM_THREADS", 0)) or len(os.sched_getaffinity(0)))

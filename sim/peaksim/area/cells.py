@@ -1,29 +1,27 @@
-"""Cells: the parts of a tile in which one face is seen and its texture coordinates are nearly linear."""
+"""Cells: parts of a band, by default its tiles, whose pixels have the same candidate faces."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.faces import DEPTH, Views
+from peaksim.area.faces import DEPTH, FaceViews
 from peaksim.area.owner import COVERS, MIXED, NOTHING, TILE, find_faces, find_owners
 
 PERSPECTIVE = 0.02
-"""Where depth varies by more than this share within a pixel, the pixel is split: image area counts, not the face's."""
+"""Where depth varies by more than this share within a pixel, the pixel is split: image area counts, not the face's.
 
-
+`benchmarks/fidelity_render.py` measures what comes of it."""
 MOST_SPLITS = 8
 """Most parts of a pixel along each axis."""
-
-
-_LOOK_EVERY = 5
-
+_SAMPLED_EVERY = 5
+"""Every fifth row and column of a tile tells how steep its faces are."""
 
 Rays = NDArray[np.float64]
 
 
 class Cells(NamedTuple):
-    """Who fills the pixels of a band, and who shares them."""
+    """Which face fills each pixel of a band, and which faces share it."""
 
     owners: NDArray[np.int64]
     """(h, w) face, NOTHING or MIXED."""
@@ -35,21 +33,21 @@ class Cells(NamedTuple):
     """(t,) how many of them."""
 
 
-def cells_in_tiles(views: Views, rays: Rays) -> Cells:
-    """Return what a band sees, each tile being a cell."""
+def cells_in_tiles(views: FaceViews, rays: Rays) -> Cells:
+    """Return the cells of a band, one for each tile."""
     tiles = faces_in_tiles(views, rays, np.arange(views.sides.shape[1]))
-    return owned(views, rays, tile_cells(rays), tiles)
+    return cells_with_owners(views, rays, tile_cells(rays), tiles)
 
 
 class InCells(NamedTuple):
-    """Which faces each cell of a band may see."""
+    """Which faces may be visible in each cell of a band."""
 
     found: NDArray[np.int64]
     """(t, n) faces."""
     counts: NDArray[np.int64]
     """(t,) how many of them."""
     alone: NDArray[np.int64]
-    """(t,) owner of all its pixels, MIXED where they have to be looked at."""
+    """(t,) owner of all its pixels, MIXED where each pixel must be examined."""
 
 
 def tile_cells(rays: Rays) -> NDArray[np.int64]:
@@ -58,34 +56,34 @@ def tile_cells(rays: Rays) -> NDArray[np.int64]:
     return np.broadcast_to(np.arange(width) // TILE, (height, width)).copy()
 
 
-def owned(views: Views, rays: Rays, cells: NDArray[np.int64], faces: InCells) -> Cells:
-    """Return what a band sees, given the (h, w) cell of each pixel."""
+def cells_with_owners(views: FaceViews, rays: Rays, cells: NDArray[np.int64], faces: InCells) -> Cells:
+    """Return the cells of a band with the owner of each pixel, given its (h, w) cell."""
     owners = np.empty_like(cells)
     find_owners(rays, views.sides, cells, *faces, owners)
     return Cells(owners, cells, faces.found, faces.counts)
 
 
-def faces_in_tiles(views: Views, rays: Rays, faces: NDArray[np.int64]) -> InCells:
-    """Return which of some faces each tile of a band may see."""
+def faces_in_tiles(views: FaceViews, rays: Rays, faces: NDArray[np.int64]) -> InCells:
+    """Return which of some faces may be visible in each tile of a band."""
     ranges, boxes = side_ranges(views), tile_boxes(rays)
     if len(faces) == 0:
         empty = np.zeros((len(boxes), 0), np.int64)
         return InCells(empty, np.zeros(len(boxes), np.int64), np.full(len(boxes), NOTHING))
     whole = np.concatenate([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])[None]
-    in_band = seen_in(ranges, whole, faces[None], np.full(1, len(faces)))
+    in_band = faces_in_boxes(ranges, whole, faces[None], np.full(1, len(faces)))
     n = in_band.counts[0]
-    return seen_in(ranges, boxes, np.repeat(in_band.found[:, :n], len(boxes), axis=0), np.full(len(boxes), n))
+    return faces_in_boxes(ranges, boxes, np.repeat(in_band.found[:, :n], len(boxes), axis=0), np.full(len(boxes), n))
 
 
-def side_ranges(views: Views) -> NDArray[np.float64]:
+def side_ranges(views: FaceViews) -> NDArray[np.float64]:
     """Return the (2, f, 5, 3) least and largest sides over the poses."""
     return np.stack([views.sides.min(axis=0), views.sides.max(axis=0)])
 
 
-def seen_in(
+def faces_in_boxes(
     ranges: NDArray[np.float64], boxes: NDArray[np.float64], found: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> InCells:
-    """Return which of the faces found in (t, 6) boxes of directions may truly be seen there; see `find_faces`."""
+    """Return which of the faces found in (t, 6) boxes of directions are not hidden there; see `find_faces`."""
     found, counts, states = found.copy(), counts.copy(), np.zeros((len(boxes), found.shape[1] + 1), np.int64)
     find_faces(ranges, boxes, found, states, counts)
     first = np.concatenate([found, np.full((len(boxes), 1), NOTHING)], axis=1)[:, 0]
@@ -108,8 +106,8 @@ def _tile_ends(rays: Rays) -> NDArray[np.int64]:
     return np.append(np.arange(0, rays.shape[1] - 1, TILE), rays.shape[1] - 1)
 
 
-def splits(views: Views, rays: Rays, cells: Cells) -> tuple[int, int]:
-    """Return into how many parts across and down pixels must be split for depth to be even in each."""
+def count_splits(views: FaceViews, rays: Rays, cells: Cells) -> tuple[int, int]:
+    """Return into how many parts across and down pixels must be split so that depth is nearly constant in each."""
     ends = _tile_ends(rays)
     faces, seen = textured_in_tiles(views, cells)
     corners = rays[:: len(rays) - 1, ends] @ views.sides[0, faces, DEPTH].T
@@ -121,21 +119,21 @@ def splits(views: Views, rays: Rays, cells: Cells) -> tuple[int, int]:
     return min(MOST_SPLITS, max(1, parts[0])), min(MOST_SPLITS, max(1, parts[1]))
 
 
-def textured_in_tiles(views: Views, cells: Cells) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the (n,) textured faces that fill one of the pixels looked at, and (t, n) in which tile.
+def textured_in_tiles(views: FaceViews, cells: Cells) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the (n,) textured faces that fill a sampled pixel, and (t, n) in which tile.
 
-    Looked at are 4 × 4 pixels of a tile, on its border too: a face is steepest where it ends.
+    Sampled are 4 × 4 pixels of a tile, on its border too: a face is steepest where it ends.
     """
-    columns_looked_at = np.flatnonzero(np.arange(cells.owners.shape[1]) % TILE % _LOOK_EVERY == 0)
-    shown = cells.owners[::_LOOK_EVERY, columns_looked_at]
+    sampled_columns = np.flatnonzero(np.arange(cells.owners.shape[1]) % TILE % _SAMPLED_EVERY == 0)
+    shown = cells.owners[::_SAMPLED_EVERY, sampled_columns]
     printed = np.append(views.printed[0], [False])  # the last one stands for no face
     shown = np.where(printed[np.maximum(shown, -1)], shown, NOTHING)
     faces = np.unique(shown[shown >= 0])
     columns = (shown[:, :, None] == faces).any(axis=0)
-    return faces, np.logical_or.reduceat(columns, np.flatnonzero(columns_looked_at % TILE == 0))
+    return faces, np.logical_or.reduceat(columns, np.flatnonzero(sampled_columns % TILE == 0))
 
 
-def refined(rays: Rays, across: int, down: int) -> Rays:
+def split_rays(rays: Rays, across: int, down: int) -> Rays:
     """Return the corners of `across` × `down` equal parts of each pixel."""
     for axis, parts in ((0, down), (1, across)):
         rays = np.moveaxis(rays, axis, 0)
@@ -145,7 +143,7 @@ def refined(rays: Rays, across: int, down: int) -> Rays:
     return np.ascontiguousarray(rays)
 
 
-def refined_cells(cells: Cells, across: int, down: int) -> Cells:
-    """Return the cells of the parts of pixels: what fills or may be seen in a pixel, fills or may be seen in each."""
+def split_cells(cells: Cells, across: int, down: int) -> Cells:
+    """Return the cells of the parts of pixels: each part has the owner and the candidates of its pixel."""
     owners, rows = (np.repeat(np.repeat(a, down, axis=0), across, axis=1) for a in cells[:2])
     return Cells(owners, rows, cells.found, cells.counts)

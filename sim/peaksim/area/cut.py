@@ -1,25 +1,25 @@
 """Kernel: pixels that several faces share, cut into the visible pieces of each.
 
 The visible part of a face is the pixel within its sides, less, for every other face, the region within that one's
-sides where it is nearer. Depth w is linear over a pixel, so that region is convex, whatever way faces overlap or
-intersect; what a subtraction leaves are convex pieces again.
+sides where it is nearer. Depth w is linear over a pixel, so that region is convex, however faces overlap or
+intersect; a subtraction leaves convex pieces again.
 """
 
 import numpy as np
 
 from peaksim.area.faces import DEPTH
 from peaksim.area.owner import MIXED, TIE
-from peaksim.area.polygon import EMPTY, MAX_VERTICES, area_of, copy, cut
+from peaksim.area.polygon import EMPTY, MAX_VERTICES, area_of, copy_polygon, cut_polygon
 from peaksim.kernel import kernel, part
 
 MAX_PIECES = 64
-"""Most pieces of one face in a pixel; smaller ones beyond are dropped."""
+"""Most pieces of one face in a pixel; further ones are dropped."""
 ROW, COLUMN, FACE, SIZE = 0, 1, 2, 3
 """Columns of a list of pieces: pixel, face, number of vertices."""
 
 
 @part
-def measure(sides, pose, found, n, rays, y, x, faces, lines):
+def measure_faces(sides, pose, found, n, rays, y, x, faces, lines):
     """List those of n faces that reach into a pixel; return their number.
 
     Writes `faces`, and the lines (n, 5, 3) of their sides and depth over the pixel (exact for a pinhole).
@@ -65,22 +65,22 @@ def nearer_sides(lines, front, back, later, cutter):
 
 
 @part
-def subtract(pool, sizes, source, target, n, cutter, n_sides):
+def subtract_region(pool, sizes, source, target, n, cutter, n_sides):
     """Remove a convex region from n pieces at `source`; write what is left from `target` on, return its number."""
     m = 0
     rest, other = pool.shape[0] - 2, pool.shape[0] - 1
     for k in range(n):
         first = m
-        copy(pool, sizes, source + k, rest)
+        copy_polygon(pool, sizes, source + k, rest)
         for side in range(n_sides):
             if sizes[rest] > 2 and m < MAX_PIECES:
-                cut(pool, sizes, rest, cutter[side], -1.0, target + m)
+                cut_polygon(pool, sizes, rest, cutter[side], -1.0, target + m)
                 m += abs(area_of(pool, target + m, sizes[target + m])) > EMPTY
-                cut(pool, sizes, rest, cutter[side], 1.0, other)
+                cut_polygon(pool, sizes, rest, cutter[side], 1.0, other)
                 rest, other = other, rest
         if abs(area_of(pool, rest, sizes[rest])) <= EMPTY:
-            m = first + 1  # nothing was taken away: the piece stays whole
-            copy(pool, sizes, source + k, target + first)
+            m = first + 1  # nothing was removed: the piece stays whole
+            copy_polygon(pool, sizes, source + k, target + first)
     return m
 
 
@@ -95,14 +95,14 @@ def visible_pieces(lines, faces, n, k, cutter, pool, sizes):
         pool[here, corner, 1] = corner // 2
     for side in range(DEPTH):
         if sizes[here] > 2:
-            cut(pool, sizes, here, lines[k, side], 1.0, scratch)
-            copy(pool, sizes, scratch, here)
+            cut_polygon(pool, sizes, here, lines[k, side], 1.0, scratch)
+            copy_polygon(pool, sizes, scratch, here)
     m = int(abs(area_of(pool, here, sizes[here])) > EMPTY)
     for other in range(n):
         if other != k and m > 0:
             n_sides = nearer_sides(lines, other, k, faces[other] > faces[k], cutter)
             if n_sides > 0:
-                m = subtract(pool, sizes, here, there, m, cutter, n_sides)
+                m = subtract_region(pool, sizes, here, there, m, cutter, n_sides)
                 here, there = there, here
     return here, m
 
@@ -139,7 +139,7 @@ def cut_mixed(rays, sides, owners, cells, found, counts, background, first, poly
     Returns
     -------
     n, next
-        Number of pieces; the pixel to go on with if the lists were full, else h·w.
+        Number of pieces; the pixel to continue with if the lists were full, else h·w.
     """
     n_pieces = 0
     faces, lines = np.empty(found.shape[1], np.int64), np.empty((found.shape[1], DEPTH + 1, 3))
@@ -152,7 +152,7 @@ def cut_mixed(rays, sides, owners, cells, found, counts, background, first, poly
             n = counts[cell]
             if n_pieces + n * MAX_PIECES > shares.size:
                 return n_pieces, pixel
-            n = measure(sides, pose, found[cell], n, rays, y, x, faces, lines)
+            n = measure_faces(sides, pose, found[cell], n, rays, y, x, faces, lines)
             bare = 1.0
             for k in range(n):
                 start, m = visible_pieces(lines, faces, n, k, cutter, pool, sizes)

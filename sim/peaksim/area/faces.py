@@ -1,4 +1,4 @@
-"""Flat faces as a camera sees them: quads and triangles as projective maps of viewing directions.
+"""Flat faces from a camera's pose: quads and triangles as projective maps of viewing directions.
 
 A face maps a viewing direction d (camera frame) to p = m_p·d, q = m_q·d and w = m_w·d. With t the distance along d at
 which the ray meets the plane, w = 1/t, and p/w and q/w are coordinates on the face: texels for a quad, barycentric for
@@ -23,8 +23,9 @@ BACK_LEVEL = 128.0
 START, STRIDE, PLANE, CONTRAST, EXTENT_P, EXTENT_Q, LEVEL, NORMAL = 0, 1, 2, 3, 4, 5, 6, 9
 """Columns of `Faces.table`."""
 DEPTH = 4
-"""Row of `Views.sides` that is w."""
+"""Row of `FaceViews.sides` that is w."""
 _EDGE_ON = 1e-12
+"""Sine of the angle below which the camera lies in a face's plane."""
 
 
 class Faces(NamedTuple):
@@ -39,17 +40,19 @@ class Faces(NamedTuple):
     """Summed-area tables of all textures, one after another."""
 
 
-class Views(NamedTuple):
-    """All faces as seen from n poses: one, or one a row of a rolling shutter."""
+class FaceViews(NamedTuple):
+    """All faces from n poses: one, or one for each row of a rolling shutter."""
 
     sides: NDArray[np.float64]
     """(n, f, 5, 3) vectors m; a direction d meets the face where all five m·d ≥ 0. The first four are its sides (a
     triangle has three, and w again), of which the first two are p and q; the last is w. All zero where the camera
     lies in the plane."""
     printed: NDArray[np.bool_]
-    """(n, f) whether the textured side is seen."""
+    """(n, f) whether the textured side faces the camera."""
     least: NDArray[np.float64]
     """(f,) w of the farthest corner, along a direction of unit length, from the first pose; metres⁻¹."""
+    eyes: NDArray[np.float64]
+    """(n, 3) camera centres, world, metres."""
 
 
 def faces_of(scene: Scene) -> Faces:
@@ -66,9 +69,9 @@ def faces_of(scene: Scene) -> Faces:
         table[first : first + len(mesh.faces), LEVEL:NORMAL] = mesh_levels(mesh, channels_of(scene))
         first += len(mesh.faces)
     prints = tuple(dict.fromkeys((q.texture, q.material) for q in scene.quads))
-    texels, places = pack(prints)
+    texels, texture_rows = pack_textures(prints)
     for row, quad in zip(table, scene.quads, strict=False):
-        row[: CONTRAST + 1] = places[prints.index((quad.texture, quad.material))]
+        row[: CONTRAST + 1] = texture_rows[prints.index((quad.texture, quad.material))]
         row[EXTENT_P : EXTENT_Q + 1] = quad.texture.size
     return Faces(np.ascontiguousarray(planes), table, texels)
 
@@ -85,16 +88,16 @@ def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], N
 
 
 @lru_cache(maxsize=1)
-def pack(prints: tuple[tuple[Texture, Material], ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def pack_textures(prints: tuple[tuple[Texture, Material], ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the tables of all printed textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
     levels = [material.levels(texture.pixels) for texture, material in prints]
     shapes = [sums_shape(pixels) for pixels in levels]
     starts = np.cumsum([0, *(prod(shape) for shape in shapes)])
-    texels, places = np.empty(starts[-1]), np.zeros((len(prints), 4))
-    for pixels, shape, start, end, place in zip(levels, shapes, starts, starts[1:], places, strict=False):
+    texels, rows = np.empty(starts[-1]), np.zeros((len(prints), 4))
+    for pixels, shape, start, end, row in zip(levels, shapes, starts, starts[1:], rows, strict=False):
         write_sums(pixels, texels[start:end].reshape(shape))
-        place[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, contrast(pixels)
-    return texels, places
+        row[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, contrast(pixels)
+    return texels, rows
 
 
 def contrast(levels: NDArray[Any]) -> float:
@@ -120,33 +123,34 @@ def channels_of(scene: Scene) -> int:
     return 3 if colored else 1
 
 
-def look(faces: Faces, poses: NDArray[np.float64]) -> Views:
-    """Return the faces as seen from (n, 4, 4) `world_from_camera`."""
+def view_faces(faces: Faces, poses: NDArray[np.float64]) -> FaceViews:
+    """Return the faces from (n, 4, 4) `world_from_camera`."""
     dual_u, dual_v = _duals(faces.planes[:, 1], faces.planes[:, 2])
     normals = faces.table[:, NORMAL:]
     from_eye = faces.planes[:, 0] - poses[:, None, :3, 3]
     away = (from_eye * normals).sum(axis=2, keepdims=True)
-    seen = np.abs(away) > _EDGE_ON * np.linalg.norm(from_eye, axis=2, keepdims=True)
-    w = np.where(seen, normals / np.where(seen, away, 1.0), 0.0)
-    p = np.where(seen, dual_u - (from_eye * dual_u).sum(axis=2, keepdims=True) * w, 0.0)
-    q = np.where(seen, dual_v - (from_eye * dual_v).sum(axis=2, keepdims=True) * w, 0.0)
+    is_seen = np.abs(away) > _EDGE_ON * np.linalg.norm(from_eye, axis=2, keepdims=True)
+    w = np.where(is_seen, normals / np.where(is_seen, away, 1.0), 0.0)
+    p = np.where(is_seen, dual_u - (from_eye * dual_u).sum(axis=2, keepdims=True) * w, 0.0)
+    q = np.where(is_seen, dual_v - (from_eye * dual_v).sum(axis=2, keepdims=True) * w, 0.0)
     extents = faces.table[:, EXTENT_P : EXTENT_Q + 1]
     is_quad = faces.table[:, START, None] >= 0
     far_p = np.where(is_quad, extents[:, :1] * w - p, w - p - q)
     far_q = np.where(is_quad, extents[:, 1:] * w - q, w)
     rotations = poses[:, None, :3, :3]
     # u × v of a quad points into the page, for v runs down
-    return Views(
+    return FaceViews(
         sides=np.stack([p, q, far_p, far_q, w], axis=2) @ rotations,
         printed=(away[:, :, 0] > 0) & is_quad[:, 0],
         least=1 / np.maximum(_farthest(faces, poses[0, :3, 3]), 1e-300),
+        eyes=poses[:, :3, 3],
     )
 
 
-def distances(faces: Faces, eye: NDArray[np.float64]) -> tuple[float, float]:
-    """Return a distance that no face comes nearer than, and the one of the farthest corner, metres; (inf, 0) if empty.
+def distance_range(faces: Faces, eye: NDArray[np.float64]) -> tuple[float, float]:
+    """Return a lower bound of the distance of all faces, and the distance of the farthest corner, m; (inf, 0) if empty.
 
-    The first is the larger one of a face's distance from its plane and from the ball around it.
+    The bound of a face is the larger one of the distances from its plane and from the ball around it.
     """
     corners = _corners(faces)
     middles = (corners[1] + corners[2]) / 2

@@ -1,6 +1,6 @@
-"""The area integral: every pixel is the mean of what it sees, in bands of rows that threads share.
+"""The area integral: every pixel is the mean of what it shows, in bands of rows that threads share.
 
-Which faces a pixel may see is found by interval arithmetic over tiles.
+Interval arithmetic over tiles finds the faces that a pixel may show.
 """
 
 from functools import lru_cache
@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.bands import BAND_ROWS, Levels, draw_split, in_threads, see
+from peaksim.area.bands import BAND_ROWS, Levels, draw_split, pack_scene, run_in_threads
 from peaksim.area.cells import Rays, cells_in_tiles
-from peaksim.area.faces import channels_of, look
+from peaksim.area.faces import channels_of, view_faces
 from peaksim.camera.camera import Camera
 from peaksim.scene.scene import Scene
 
@@ -21,33 +21,23 @@ def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64]) -> Level
     Parameters
     ----------
     scene, camera
-        What is seen, and by what.
+        What is packed, and by what.
     poses
-        (1, 4, 4) `world_from_camera`, or (h, 4, 4), one a row.
+        (1, 4, 4) `world_from_camera`, or (h, 4, 4), one for each row.
     """
-    seen = see(scene)
+    packed = pack_scene(scene)
     lattice = corner_rays(camera)
-    still = look(seen.faces, poses) if len(poses) == 1 else None
+    still = view_faces(packed.faces, poses) if len(poses) == 1 else None
     out = np.empty((camera.height, camera.width, channels_of(scene)), dtype=np.float32)
 
     def band(first: int) -> None:
         rows = slice(first, min(first + BAND_ROWS, camera.height))
         rays = band_rays(camera, rows) if lattice is None else lattice[rows.start : rows.stop + 1]
-        band_poses = poses if still else poses[rows]
-        views = still or look(seen.faces, band_poses)
-        draw_split(seen, views, band_poses[:, :3, 3], rays, cells_in_tiles(views, rays), out[rows])
+        views = still or view_faces(packed.faces, poses[rows])
+        draw_split(packed, views, rays, cells_in_tiles(views, rays), out[rows])
 
-    in_threads(band, range(0, camera.height, BAND_ROWS))
+    run_in_threads(band, range(0, camera.height, BAND_ROWS))
     return out
-
-
-# --- one band of rows: (h, w, channels) pixels between (h + 1, w + 1, 3) corners ---------------------------------
-
-
-# --- what a band sees -----------------------------------------------------------------------------------------
-
-
-# --- the whole picture ----------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=2)

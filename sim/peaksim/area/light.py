@@ -1,7 +1,7 @@
 """Kernels: the multiplier of linear grey levels over pixels and pieces of pixels, with shadows from meshes.
 
-A multiplier is taken at the middle of a piece; where a mesh comes near the way from there to the light, samples of the
-piece tell which share is lit.
+A multiplier is computed at the middle of a piece; where a mesh comes near the ray from there to the light, samples of
+the piece tell which share is lit.
 """
 
 import numpy as np
@@ -18,9 +18,9 @@ KIND, INTENSITY, VECTOR, REFERENCE, SHADOWS = 0, 1, 2, 5, 6
 AMBIENT, DIRECTIONAL, POINT = 0, 1, 2
 _KINDS = {"ambient": AMBIENT, "directional": DIRECTIONAL, "point": POINT}
 _LIFT_M = 1e-5
-"""Ways to the light start this much above a surface, so that it does not shade itself."""
+"""Rays to the light start this much above a surface, so that it does not shade itself."""
 _FEW, _MANY = 16, 128
-"""Ways to a light for each triangle of a piece's fan: a few, and many where those are not of one mind."""
+"""Rays to a light for each triangle of a piece's fan: a few, and many where only some of those are blocked."""
 
 
 def pack_lights(lights: tuple[Light, ...]) -> NDArray[np.float64]:
@@ -36,25 +36,25 @@ def _row(light: Light) -> list[float]:
 
 
 @part
-def place_on(planes, face, u, v, place):
+def point_on_face(planes, face, u, v, point):
     """Write the world point (u, v) of a face."""
     for k in range(3):
-        place[k] = planes[face, 0, k] + u * planes[face, 1, k] + v * planes[face, 2, k]
+        point[k] = planes[face, 0, k] + u * planes[face, 1, k] + v * planes[face, 2, k]
 
 
 @part
-def towards(lights, light, place, ray):
-    """Write the way from a place to a light; return its length, and the ray parameter at which the light is."""
+def ray_to_light(lights, light, point, ray):
+    """Write the ray from a point to a light; return its length, and the ray parameter at which the light is."""
     length = 0.0
-    point = lights[light, KIND] == POINT
+    is_point = lights[light, KIND] == POINT
     for k in range(3):
-        ray[k] = lights[light, VECTOR + k] - (place[k] if point else 0.0)
+        ray[k] = lights[light, VECTOR + k] - (point[k] if is_point else 0.0)
         length += ray[k] * ray[k]
-    return np.sqrt(length), (1.0 if point else np.inf)
+    return np.sqrt(length), (1.0 if is_point else np.inf)
 
 
 @part
-def lit_share(planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, place, ray, stack, samples):
+def lit_share(planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, point, ray, stack, samples):
     """Return the share of polygon k that a light reaches past the meshes."""
     lit = whole = 0.0
     u0, v0 = polygons[k, 0, 0], polygons[k, 0, 1]
@@ -69,64 +69,59 @@ def lit_share(planes, face, polygons, k, n, lift, lights, light, boxes, links, s
             a, b = (0.5 + 0.7548776662466927 * sample) % 1.0, (0.5 + 0.5698402909980532 * sample) % 1.0
             if a + b > 1.0:
                 a, b = 1.0 - a, 1.0 - b
-            place_on(planes, face, u0 + a * u1 + b * u2, v0 + a * v1 + b * v2, place)
+            point_on_face(planes, face, u0 + a * u1 + b * u2, v0 + a * v1 + b * v2, point)
             for axis in range(3):
-                place[axis] += lift[axis]
-            _, farthest = towards(lights, light, place, ray)
-            if not meets_any(boxes, links, solids, place, ray, 0.0, farthest, stack):
+                point[axis] += lift[axis]
+            _, farthest = ray_to_light(lights, light, point, ray)
+            if not meets_any(boxes, links, solids, point, ray, 0.0, farthest, stack):
                 reached += 1
         lit += weight * (reached / samples)
     return lit / whole if whole > 0.0 else 1.0
 
 
 @part
+def sampled_share(planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, point, ray, stack):
+    """Return the lit share of polygon k from a few samples, and from many where a few do not agree."""
+    share = 0.5
+    for samples in (_FEW, _MANY):
+        if 0.0 < share < 1.0:
+            share = lit_share(
+                planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, point, ray, stack, samples
+            )
+    return share
+
+
+@part
 def mean_light(planes, faces, face, polygons, k, n, eyes, pose, lights, boxes, links, solids, work, stack):
     """Return the mean multiplier over the n vertices of polygon k, in the coordinates of its face."""
-    place, ray, lift, corner = work[0], work[1], work[2], work[3]
+    point, ray, lift, corner = work[0], work[1], work[2], work[3]
     u = v = radius = facing = total = 0.0
     for i in range(n):
         u += polygons[k, i, 0] / n
         v += polygons[k, i, 1] / n
-    place_on(planes, face, u, v, place)
+    point_on_face(planes, face, u, v, point)
     for i in range(n):
-        place_on(planes, face, polygons[k, i, 0], polygons[k, i, 1], corner)
-        radius = max(radius, (corner[0] - place[0]) ** 2 + (corner[1] - place[1]) ** 2 + (corner[2] - place[2]) ** 2)
+        point_on_face(planes, face, polygons[k, i, 0], polygons[k, i, 1], corner)
+        radius = max(radius, (corner[0] - point[0]) ** 2 + (corner[1] - point[1]) ** 2 + (corner[2] - point[2]) ** 2)
     for axis in range(3):
-        facing += faces[face, NORMAL + axis] * (eyes[pose, axis] - place[axis])
+        facing += faces[face, NORMAL + axis] * (eyes[pose, axis] - point[axis])
     for axis in range(3):
         lift[axis] = faces[face, NORMAL + axis] * (_LIFT_M if facing >= 0.0 else -_LIFT_M)
-        corner[axis] = place[axis]
+        corner[axis] = point[axis]
     for light in range(lights.shape[0]):
         strength = lights[light, INTENSITY]
         if lights[light, KIND] != AMBIENT:
-            length, farthest = towards(lights, light, corner, ray)
+            length, farthest = ray_to_light(lights, light, corner, ray)
             cosine = (lift[0] * ray[0] + lift[1] * ray[1] + lift[2] * ray[2]) / (_LIFT_M * length)
             strength *= max(cosine, 0.0)
             if lights[light, KIND] == POINT:
                 strength *= (lights[light, REFERENCE] / length) ** 2
             if strength > 0.0 and lights[light, SHADOWS] > 0.0:
-                near, share = np.sqrt(radius) + 2.0 * _LIFT_M, 0.5
+                near = np.sqrt(radius) + 2.0 * _LIFT_M
                 if meets_any(boxes, links, solids, corner, ray, near, farthest, stack):
-                    for samples in (_FEW, _MANY):
-                        if 0.0 < share < 1.0:
-                            share = lit_share(
-                                planes,
-                                face,
-                                polygons,
-                                k,
-                                n,
-                                lift,
-                                lights,
-                                light,
-                                boxes,
-                                links,
-                                solids,
-                                place,
-                                ray,
-                                stack,
-                                samples,
-                            )
-                    strength *= share
+                    strength *= sampled_share(
+                        planes, face, polygons, k, n, lift, lights, light, boxes, links, solids, point, ray, stack
+                    )
         total += strength
     return total
 
@@ -144,7 +139,7 @@ def light_pieces(planes, faces, eyes, lights, boxes, links, solids, n, polygons,
     lights
         From `pack_lights`.
     boxes, links, solids
-        As in `Solids`: what throws shadows.
+        As in `Solids`: what casts shadows.
     n, polygons, pieces, shares
         As in `cut_mixed`.
     """
@@ -174,21 +169,9 @@ def light_owned(rays, sides, planes, faces, eyes, lights, boxes, links, solids, 
                         w += sides[pose, face, DEPTH, axis] * rays[i, j, axis]
                     polygon[0, corner, 0] = u / w
                     polygon[0, corner, 1] = v / w
+                first, size = pose - pose, corner + 1
                 light = mean_light(
-                    planes,
-                    faces,
-                    face,
-                    polygon,
-                    pose - pose,
-                    corner + 1,
-                    eyes,
-                    pose,
-                    lights,
-                    boxes,
-                    links,
-                    solids,
-                    work,
-                    stack,
+                    planes, faces, face, polygon, first, size, eyes, pose, lights, boxes, links, solids, work, stack
                 )
                 for channel in range(out.shape[2]):
                     out[y, x, channel] *= light

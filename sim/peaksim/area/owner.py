@@ -1,4 +1,4 @@
-"""Kernels: which faces may be seen in each tile, and which face fills a pixel alone.
+"""Kernels: which faces may be visible in each tile, and which face fills a pixel alone.
 
 Tiles first: a face that cannot touch a tile, or lies behind one that covers it, is dropped by interval arithmetic over
 the tile's viewing directions. Then pixels: a face that covers all four corners and is in front of every other face
@@ -13,11 +13,11 @@ from peaksim.kernel import kernel, part
 TILE = 16
 """Width of a tile, px."""
 OUTSIDE, TOUCHES, COVERS = 0, 1, 2
-"""How a face lies to a pixel or tile."""
+"""How a face lies relative to a pixel or tile."""
 NOTHING, MIXED = -1, -2
 """Owners of a pixel that shows only background, and of one that shows several faces or a face's edge."""
 TIE = 1e-9
-"""Faces closer than this share of their depth are in one plane: the later one is seen."""
+"""Faces closer than this share of their depth are in one plane: the later one is visible."""
 
 
 @part
@@ -58,7 +58,7 @@ def in_front(ranges, front, back, box, gaps):
 
 @kernel
 def find_faces(ranges, boxes, found, states, counts):
-    """Keep of the faces of each box of directions those that it may see.
+    """Keep those faces of each box of directions that may be visible in it.
 
     Parameters
     ----------
@@ -67,9 +67,9 @@ def find_faces(ranges, boxes, found, states, counts):
     boxes
         (t, 6) least and largest directions.
     found, counts
-        (t, n) faces of each box and (t,) their number; those that are hidden or outside are taken out.
+        (t, n) faces of each box and (t,) their number; those that are hidden or outside are removed.
     states
-        (t, n) written: how the faces lie to the box.
+        (t, n) written: how the faces lie relative to the box.
     """
     gaps = np.empty((2, 3))
     for tile in range(boxes.shape[0]):
@@ -151,13 +151,13 @@ def find_owners(rays, sides, cells, found, counts, alone, owners):
     rays
         (h + 1, w + 1, 3) directions of the pixel corners.
     sides
-        (1 or h, f, 5, 3) as in `Views`.
+        (1 or h, f, 5, 3) as in `FaceViews`.
     cells
-        (h, w) row of `found` that lists the faces a pixel may see.
+        (h, w) row of `found` that lists the faces a pixel may show.
     found, counts
         (t, n) and (t,) faces of each cell, and their number.
     alone
-        (t,) owner of all pixels of a cell, MIXED where they have to be looked at.
+        (t,) owner of all pixels of a cell, MIXED where each pixel must be examined.
     owners
         (h, w) written.
     """

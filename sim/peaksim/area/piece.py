@@ -1,4 +1,4 @@
-"""Kernel: the mean of a face over the pieces of pixels that `area_cut` made."""
+"""Kernel: the mean of a face over the pieces of pixels that `peaksim.area.cut` lists."""
 
 from peaksim.area.cut import COLUMN, FACE, ROW, SIZE
 from peaksim.area.faces import CONTRAST, EXTENT_P, LEVEL, PLANE, START, STRIDE

@@ -7,12 +7,13 @@ vertices in `sizes` (p,). A cut keeps a + b·s + c·t ≥ 0, a line of its three
 from peaksim.kernel import part
 
 MAX_VERTICES = 24
+"""Each cut adds one vertex at most; further ones are dropped."""
 EMPTY = 1e-9
 """Pieces smaller than this share of a pixel are dropped."""
 
 
 @part
-def copy(pool, sizes, source, target):
+def copy_polygon(pool, sizes, source, target):
     """Copy a polygon."""
     sizes[target] = sizes[source]
     for k in range(sizes[source]):
@@ -21,7 +22,7 @@ def copy(pool, sizes, source, target):
 
 
 @part
-def cut(pool, sizes, source, line, sign, target):
+def cut_polygon(pool, sizes, source, line, sign, target):
     """Write the part of a polygon on one side of a line to another one (Sutherland and Hodgman 1974)."""
     n, m = sizes[source], 0
     before = 0.0

@@ -11,9 +11,11 @@ from peaksim.kernel import kernel, part
 from peaksim.scene.scene import Mesh, Quad, Scene
 
 _LEAF = 4
+"""Most faces of a leaf; a choice of speed, which changes no result."""
 STACK = 128
-"""Boxes that wait while a tree is walked: more than any tree of 2⁶⁴ faces needs."""
+"""Boxes that wait while a tree is traversed: more than any tree of 2⁶⁴ faces needs."""
 _TIE = 1e-9
+"""Share of the distance within which two hits are in one plane, as `owner.TIE`."""
 
 U, V, QUAD = 3, 6, 9
 """Columns of `Solids.faces`: first corner at 0, first side, second side, 1 for a parallelogram."""
@@ -33,21 +35,21 @@ class Solids(NamedTuple):
 
 
 def solids_of(scene: Scene, *, quads: bool) -> Solids:
-    """Return the tree of a scene's meshes, with its quads if asked for."""
+    """Return the tree of a scene's meshes, with its quads if requested."""
     return _solids(scene.quads, scene.meshes, quads)
 
 
 @lru_cache(maxsize=2)
 def _solids(quads: tuple[Quad, ...], meshes: tuple[Mesh, ...], with_quads: bool) -> Solids:
-    """Return the tree; the frames of a film ask for the same ones, with other lights."""
+    """Return the tree; frames of one scene share it, whatever their lights."""
     squares = np.array([quad.corners_m[[0, 1, 3]] for quad in quads]).reshape(-1, 3, 3)
     corners = np.concatenate([squares, triangles_m(meshes)])
     ids = np.arange(len(corners))
     keep = ids >= (0 if with_quads else len(squares))
-    return build(corners[keep], ids[keep] < len(squares), ids[keep])
+    return build_tree(corners[keep], ids[keep] < len(squares), ids[keep])
 
 
-def build(corners: NDArray[np.float64], is_quad: NDArray[np.bool_], ids: NDArray[np.int64]) -> Solids:
+def build_tree(corners: NDArray[np.float64], is_quad: NDArray[np.bool_], ids: NDArray[np.int64]) -> Solids:
     """Return the tree of (f, 3, 3) corners (for a parallelogram the last one follows), split at medians."""
     sides = corners[:, 1:] - corners[:, :1]
     fourth = corners[:, 1] + is_quad[:, None] * sides[:, 1]
@@ -63,14 +65,14 @@ def _split(bounds: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.f
     order = np.arange(len(bounds))
     spans = [(0, len(bounds))]
     links = [(0, len(bounds))]
-    for node, (first, last) in enumerate(spans):  # grows while it runs
+    for node, (first, last) in enumerate(spans):  # the list grows during the loop
         if last - first <= _LEAF:
             links[node] = (first, last - first)
             continue
-        part_ = order[first:last]
-        middles = bounds[part_, :3] + bounds[part_, 3:]
+        span = order[first:last]
+        middles = bounds[span, :3] + bounds[span, 3:]
         axis = int(np.argmax(np.ptp(middles, axis=0)))
-        order[first:last] = part_[np.argsort(middles[:, axis], kind="stable")]
+        order[first:last] = span[np.argsort(middles[:, axis], kind="stable")]
         links[node] = (len(spans), 0)
         half = (first + last) // 2
         spans += [(first, half), (half, last)]
@@ -98,7 +100,7 @@ def meets_box(boxes, node, origin, ray, radius, farthest):
 
 
 @part
-def hit(faces, face, origin, ray):
+def intersect_face(faces, face, origin, ray):
     """Return the ray parameter at which it meets a face, inf if it does not (Möller and Trumbore 1997)."""
     u0, u1, u2 = faces[face, U], faces[face, U + 1], faces[face, U + 2]
     v0, v1, v2 = faces[face, V], faces[face, V + 1], faces[face, V + 2]
@@ -117,7 +119,7 @@ def hit(faces, face, origin, ray):
 
 @part
 def nearest_face(boxes, links, faces, ids, origin, ray, stack):
-    """Return (scene face, t) of what a ray sees first, (−1, inf) for nothing; of faces in one plane the later one."""
+    """Return (scene face, t) of what a ray meets first, (−1, inf) for nothing; of faces in one plane the later one."""
     best, best_t = -1, np.inf
     stack[0] = 0
     top = min(1, ids.size)
@@ -131,7 +133,7 @@ def nearest_face(boxes, links, faces, ids, origin, ray, stack):
             stack[top], stack[top + 1] = first, first + 1
             top += 2
         for face in range(first, first + links[node, 1]):
-            t = hit(faces, face, origin, ray)
+            t = intersect_face(faces, face, origin, ray)
             tie = abs(t - best_t) <= _TIE * best_t
             if 0.0 < t < np.inf and ((tie and ids[face] > best) or (not tie and t < best_t)):
                 best, best_t = ids[face], t
@@ -155,7 +157,7 @@ def meets_any(boxes, links, faces, origin, ray, radius, farthest, stack):
         elif radius > 0.0:
             return True
         for face in range(first, first + links[node, 1]):
-            if 0.0 < hit(faces, face, origin, ray) < farthest:
+            if 0.0 < intersect_face(faces, face, origin, ray) < farthest:
                 return True
     return False
 
@@ -164,7 +166,7 @@ def meets_any(boxes, links, faces, origin, ray, radius, farthest, stack):
 def nearest_faces(boxes, links, faces, ids, origins, rays, found, parameters):
     """Write the first scene face of each of (n, 3) rays, −1 for none, and the ray parameters, inf for none.
 
-    `origins` is (1, 3), or (n, 3) for rays from different places.
+    `origins` is (1, 3), or (n, 3) for rays from different positions.
     """
     stack = np.empty(STACK, np.int64)
     for i in range(rays.shape[0]):

@@ -1,6 +1,6 @@
 """Kernel: runs of pixels that one face fills, each the mean of the texture over the pixel's footprint.
 
-Neighbouring pixels share their edges' line integrals, so a pixel costs two edges and not four.
+Neighbouring pixels share the line integrals of their edges, so a pixel costs two edges instead of four.
 """
 
 from peaksim.area.faces import CONTRAST, DEPTH, LEVEL, PLANE, START, STRIDE
@@ -62,6 +62,19 @@ def integrate_run(texels, start, stride, corners, n, across, down, reach, known,
         before = after
 
 
+@part
+def fill_run(faces, face, texels, corners, n, known, shared, out, y, x0):
+    """Write a textured run of n pixels from x0 on; `known` and `shared` as in `integrate_run`."""
+    across, down, reach = run_steps(corners, n, faces[face, CONTRAST])
+    stride = int(faces[face, STRIDE])
+    for channel in range(out.shape[2]):
+        if channel == 0 or faces[face, PLANE] > 0.0:
+            start = int(faces[face, START] + channel * faces[face, PLANE])
+            integrate_run(texels, start, stride, corners, n, across, down, reach, known, shared, channel, out, y, x0)
+        else:
+            out[y, x0 : x0 + n, channel] = out[y, x0 : x0 + n, 0]
+
+
 @kernel
 def fill_owned(rays, sides, printed, faces, texels, owners, background, corners, shared, previous, out):
     """Write all pixels of a band that have an owner; the others become 0.
@@ -71,7 +84,7 @@ def fill_owned(rays, sides, printed, faces, texels, owners, background, corners,
     rays
         (h + 1, w + 1, 3) directions of the pixel corners.
     sides, printed, faces, texels
-        As in `Views` and `Faces`.
+        As in `FaceViews` and `Faces`.
     owners
         (h, w) face, NOTHING or MIXED.
     background
@@ -83,45 +96,20 @@ def fill_owned(rays, sides, printed, faces, texels, owners, background, corners,
     """
     still = sides.shape[0] == 1
     for y in range(owners.shape[0]):
-        pose = 0 if still else y
-        end = 0
-        for x in range(owners.shape[1]):
+        pose, x = 0 if still else y, 0
+        while x < owners.shape[1]:
             owner = owners[y, x]
-            textured = owner >= 0 and printed[pose, owner]
-            if x >= end:
-                known = still and previous[x] == owner
-                end, most = x + 1, min(owners.shape[1], x + corners.shape[2] - 1)
-                while end < most and owners[y, end] == owner and (still and previous[end] == owner) == known:
-                    end += 1
-                if textured:
-                    n = end - x
-                    footprints(sides, pose, owner, rays, y, x, n, corners)
-                    across, down, reach = run_steps(corners, n, faces[owner, CONTRAST])
-                    for channel in range(out.shape[2]):
-                        start = int(faces[owner, START] + channel * faces[owner, PLANE])
-                        stride = int(faces[owner, STRIDE])
-                        if channel == 0 or faces[owner, PLANE] > 0.0:
-                            integrate_run(
-                                texels,
-                                start,
-                                stride,
-                                corners,
-                                n,
-                                across,
-                                down,
-                                reach,
-                                known,
-                                shared,
-                                channel,
-                                out,
-                                y,
-                                x,
-                            )
-            previous[x] = owner if textured else -1
-            for channel in range(out.shape[2]):
-                if owner >= 0 and not textured:
-                    out[y, x, channel] = faces[owner, LEVEL + channel]
-                elif owner < 0:
-                    out[y, x, channel] = background if owner == NOTHING else 0.0
-                elif faces[owner, PLANE] == 0.0:
-                    out[y, x, channel] = out[y, x, 0]
+            known = still and previous[x] == owner
+            end, most = x + 1, min(owners.shape[1], x + corners.shape[2] - 1)
+            while end < most and owners[y, end] == owner and (still and previous[end] == owner) == known:
+                end += 1
+            if owner >= 0 and printed[pose, owner]:
+                footprints(sides, pose, owner, rays, y, x, end - x, corners)
+                fill_run(faces, owner, texels, corners, end - x, known, shared, out, y, x)
+                previous[x:end] = owner
+            else:
+                for channel in range(out.shape[2]):
+                    empty = background if owner == NOTHING else 0.0
+                    out[y, x:end, channel] = faces[owner, LEVEL + channel] if owner >= 0 else empty
+                previous[x:end] = -1
+            x = end

@@ -1,7 +1,7 @@
-"""Kernels: candidate faces from a picture that shows the number of the nearest face at samples of each pixel.
+"""Kernels: candidate faces from an image of the number of the nearest face at samples of each pixel.
 
 A tile's candidates are the faces shown in it and right beside it; where they are too many, each of its pixels has
-candidates of its own. `area_owner` and `area_cut` then tell exactly what fills a pixel. A pixel with too many
+candidates of its own. `owner` and `cut` then tell exactly what fills a pixel. A pixel with too many
 candidates is CROWDED: the mean of SAMPLES × SAMPLES parts, each filled by the face that is shown at its middle.
 """
 
@@ -30,7 +30,7 @@ def number_at(numbers, row, column):
 
 
 @part
-def remember(faces, n, face):
+def add_face(faces, n, face):
     """Add a face to the first n in a list, unless it is among them or the list is full; return their number."""
     for k in range(n):
         if faces[k] == face:
@@ -52,12 +52,12 @@ def list_between(numbers, left, top, right, bottom, touching, groups, faces):
             if numbers[row, column] != last:
                 last = numbers[row, column]
                 if last & NUMBER_BITS:
-                    n = remember(faces, n, int(last & NUMBER_BITS) - 1)
+                    n = add_face(faces, n, int(last & NUMBER_BITS) - 1)
     shown = n
     for other in touching:
         for k in range(shown):
             if groups[other] == groups[faces[k]]:
-                n = remember(faces, n, other)
+                n = add_face(faces, n, other)
     return n
 
 
@@ -68,13 +68,13 @@ def list_in_tiles(numbers, groups, touching, n_touching, boxes, found, counts):
     Parameters
     ----------
     numbers
-        (r, c) uint32 picture of numbers.
+        (r, c) uint32 image of numbers.
     groups
-        (f,) faces of one number ≥ 0 lie on each other, so that the picture may show one in another's place.
+        (f,) faces of one number ≥ 0 lie on each other, so that the image may show one instead of another.
     touching, n_touching
-        (t, n) and (t,) faces that have a group and may be seen in each tile, and their number.
+        (t, n) and (t,) faces that have a group and may be visible in each tile, and their number.
     boxes
-        (t, 6) least and largest (column, row, 1) of each tile in the picture of numbers.
+        (t, 6) least and largest (column, row, 1) of each tile in the image of numbers.
     found, counts
         (t, MOST_FACES + 1) and (t,) written: candidates, and their number; MOST_FACES + 1 if there are more.
     """
@@ -85,15 +85,15 @@ def list_in_tiles(numbers, groups, touching, n_touching, boxes, found, counts):
 
 
 @kernel
-def list_in_pixels(numbers, groups, touching, n_touching, places, tile, full, found, counts, alone, cells):
+def list_in_pixels(numbers, groups, touching, n_touching, positions, tile, full, found, counts, alone, cells):
     """Write the candidates of each pixel of those tiles that have too many.
 
     Parameters
     ----------
     numbers, groups, touching, n_touching
         As in `list_in_tiles`.
-    places
-        (h + 1, w + 1, 3) (column, row, 1) of the pixel corners in the picture of numbers.
+    positions
+        (h + 1, w + 1, 3) (column, row, 1) of the pixel corners in the image of numbers.
     tile
         Width of a tile, px.
     full
@@ -113,8 +113,8 @@ def list_in_pixels(numbers, groups, touching, n_touching, places, tile, full, fo
                 right = bottom = -np.inf
                 for corner in range(4):
                     i, j = y + corner // 2, x + corner % 2
-                    left, right = min(left, places[i, j, 0]), max(right, places[i, j, 0])
-                    top, bottom = min(top, places[i, j, 1]), max(bottom, places[i, j, 1])
+                    left, right = min(left, positions[i, j, 0]), max(right, positions[i, j, 0])
+                    top, bottom = min(top, positions[i, j, 1]), max(bottom, positions[i, j, 1])
                 others = touching[x // tile, : n_touching[x // tile]]
                 counts[cell] = list_between(numbers, left, top, right, bottom, others, groups, found[cell])
                 if counts[cell] > MOST_FACES:
@@ -141,14 +141,14 @@ def keep_part(sides, face, rays, y, x, left, top, polygon):
 
 
 @kernel
-def cut_crowded(rays, sides, numbers, places, pixels, background, polygons, pieces, shares, out):
+def cut_crowded(rays, sides, numbers, positions, pixels, background, polygons, pieces, shares, out):
     """List the parts of CROWDED pixels, and add background where none is shown; return their number.
 
     Parameters
     ----------
     rays, sides, background, polygons, pieces, shares, out
         As in `cut_mixed`, with room for n · SAMPLES² pieces.
-    numbers, places
+    numbers, positions
         As in `list_in_pixels`.
     pixels
         (n, 2) row and column.
@@ -159,8 +159,8 @@ def cut_crowded(rays, sides, numbers, places, pixels, background, polygons, piec
         for cell in range(SAMPLES * SAMPLES):
             left, top = cell % SAMPLES / SAMPLES, cell // SAMPLES / SAMPLES
             s, t = left + 0.5 / SAMPLES, top + 0.5 / SAMPLES
-            above = (1.0 - s) * places[y, x] + s * places[y, x + 1]
-            middle = (1.0 - t) * above + t * ((1.0 - s) * places[y + 1, x] + s * places[y + 1, x + 1])
+            above = (1.0 - s) * positions[y, x] + s * positions[y, x + 1]
+            middle = (1.0 - t) * above + t * ((1.0 - s) * positions[y + 1, x] + s * positions[y + 1, x + 1])
             face = number_at(numbers, int(np.floor(middle[1])), int(np.floor(middle[0])))
             if face >= 0:
                 keep_part(sides, face, rays, y, x, left, top, polygons[n_pieces])

@@ -1,7 +1,7 @@
 """Kernel parts: the mean of a texture over a polygon, from line integrals along its edges.
 
 By Green's theorem ∬ T du dv over a polygon is the sum over its edges of ∫ P dv with P(u, v) = ∫₀ᵘ T. Each edge is
-walked in a few steps; a step is integrated exactly in v at its middle u, two evaluations of the biquadratic double
+divided into a few steps; a step is integrated exactly in v at its middle u, two evaluations of the biquadratic double
 antiderivative of the texture (`texture_sums`). What is left is the staircase of triangles along slanted edges, and
 the number of steps keeps that below the error budget.
 """
@@ -9,7 +9,9 @@ the number of steps keeps that below the error budget.
 from peaksim.kernel import part
 
 STEPS_PER_CONTRAST = 0.236
-"""Steps^1.5 of an edge for each grey level of texture contrast and unit of slant: budget of 0.3 grey levels rms."""
+"""Steps^1.5 of an edge for each grey level of texture contrast and unit of slant, for 0.3 grey levels rms.
+
+`benchmarks/fidelity_render.py` measures what comes of it."""
 STEPS_PER_TEXEL = 3.0
 """More steps than this gain nothing: between texel centres the texture is smooth."""
 POINT = 0.01

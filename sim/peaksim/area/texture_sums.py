@@ -9,7 +9,7 @@ from peaksim.kernel import kernel
 
 
 def sums_shape(pixels: NDArray[Any]) -> tuple[int, int, int]:
-    """Return the shape (channels, h + 3, w + 3) of the table of an (h, w) or (h, w, 3) picture."""
+    """Return the shape (channels, h + 3, w + 3) of the table of an (h, w) or (h, w, 3) image."""
     height, width = pixels.shape[:2]
     return pixels[0, 0].size, height + 3, width + 3
 
@@ -17,7 +17,7 @@ def sums_shape(pixels: NDArray[Any]) -> tuple[int, int, int]:
 def write_sums(pixels: NDArray[Any], out: NDArray[np.float64]) -> None:
     """Write the sums of all texels above and left of each node; node (1, 1) is the top-left corner.
 
-    One texel of clamped border lies around the picture. Sums of printed levels are whole numbers, so they are exact.
+    One texel of clamped border lies around the image. Sums of printed levels are whole numbers, so they are exact.
 
     Parameters
     ----------
@@ -26,11 +26,11 @@ def write_sums(pixels: NDArray[Any], out: NDArray[np.float64]) -> None:
     out
         (channels, h + 3, w + 3) written.
     """
-    add_up(pixels.reshape(*pixels.shape[:2], -1), out)
+    add_texels(pixels.reshape(*pixels.shape[:2], -1), out)
 
 
 @kernel
-def add_up(pixels, out):
+def add_texels(pixels, out):
     """Write the sums of (h, w, channels) pixels to (channels, h + 3, w + 3); see `write_sums`."""
     height, width, channels = pixels.shape
     out[:, 0] = 0.0

@@ -1,4 +1,4 @@
-"""Cameras: the one projection that pictures and truth share.
+"""Cameras: the one projection that images and truth share.
 
 Pixel centres are at integers: the image covers [−0.5, W − 0.5] × [−0.5, H − 0.5].
 Distortion is OpenCV's: "brown" with (k1, k2, p1, p2[, k3[, k4, k5, k6]]), "fisheye" with (k1, k2, k3, k4).
@@ -22,6 +22,7 @@ MAX_PIXELS = 64_000_000
 _COEFFICIENTS = {"brown": (0, 4, 5, 8), "fisheye": (0, 4)}
 _NEWTON_STEPS = 50
 _CONVERGED = 1e-12
+"""Steps of Newton's method end when the last one is below this, in tan of the angle; 5·10⁻¹⁰ px at f = 500 px."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Camera:
     row_time_s: float = 0.0
     """Rolling shutter: time from one row's exposure to the next one's; 0 exposes all rows at once."""
     exposure_s: float = 0.0
-    """Time over which a moving camera's picture is integrated."""
+    """Time over which a moving camera integrates its image."""
     thin_lens: ThinLens | None = None
     """Depth of field, drawn by the traced renderer; None is in focus everywhere."""
 
@@ -81,8 +82,8 @@ class Camera:
     def project(self, points_in_camera: ArrayLike) -> Points:
         """Return (n, 2) px of (n, 3) points in metres, camera frame; nan behind the camera.
 
-        Brown sees z > 0, up to the radius where the lens would fold the picture; fisheye sees every direction
-        but straight behind.
+        Brown sees z > 0, up to the radius where the lens would fold the image; fisheye sees every direction
+        except straight behind.
         """
         points = np.asarray(points_in_camera, dtype=np.float64).reshape(-1, 3)
         flat = (
@@ -95,13 +96,21 @@ class Camera:
     def unproject(self, xy: ArrayLike) -> Points:
         """Return (n, 3) viewing directions of (n, 2) px: z = 1 for brown, unit length for fisheye.
 
-        nan where no direction projects there (beyond the fold of a distortion).
+        nan where no direction projects to (beyond the fold of a distortion).
         """
         flat = (np.asarray(xy, dtype=np.float64).reshape(-1, 2) - [self.cx, self.cy]) / [self.fx, self.fy]
         if self.model == "fisheye":
             return _unproject_fisheye(flat, self.distortion)
         undistorted = _undistort_brown(flat, self.distortion) if any(self.distortion) else flat
         return np.concatenate([undistorted, np.ones((len(flat), 1))], axis=1)
+
+    def contains(self, xy: Points) -> NDArray[np.bool_]:
+        """Return (n,) which of (n, 2) px are in the image; nan is not."""
+        return np.asarray(((xy >= -0.5) & (xy <= [self.width - 0.5, self.height - 0.5])).all(axis=1))
+
+    def pixel_centers(self) -> Points:
+        """Return the (H, W, 2) px of all pixel centres."""
+        return np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), axis=2).astype(np.float64)
 
 
 def from_sensor(
@@ -117,7 +126,7 @@ def from_sensor(
 
 
 def resized(camera: Camera, scale: float) -> Camera:
-    """Return the camera with `scale` times as many pixels along each side, seeing the same field of view."""
+    """Return the camera with `scale` times as many pixels along each side, rounded, and the same field of view."""
     width, height = round(camera.width * scale), round(camera.height * scale)
     sx, sy = width / camera.width, height / camera.height
     return replace(
@@ -187,13 +196,13 @@ def _distort_brown(flat: Points, distortion: tuple[float, ...]) -> tuple[Points,
 
 @lru_cache(maxsize=64)
 def _fold_radius(distortion: tuple[float, ...]) -> float:
-    """Return the radius (tan of the angle) at which the radial part of a brown lens turns back; inf if never."""
+    """Return the radius (tan of the angle) at which the radial part of a brown lens folds back; inf if never."""
     k1, k2, _, _, k3, k4, k5, k6 = _brown_terms(distortion)
     top, bottom = np.polynomial.Polynomial([1, k1, k2, k3]), np.polynomial.Polynomial([1, k4, k5, k6])
     r2 = np.polynomial.Polynomial([0, 1])
     # d/dr of r·top/bottom, in r²; and the poles of the quotient
-    turning = top * bottom + 2 * r2 * (top.deriv() * bottom - top * bottom.deriv())
-    roots = np.concatenate([turning.roots(), bottom.roots()])
+    slope = top * bottom + 2 * r2 * (top.deriv() * bottom - top * bottom.deriv())
+    roots = np.concatenate([slope.roots(), bottom.roots()])
     real = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots))].real if len(roots) else roots
     return float(np.sqrt(min((r for r in real if r > 0), default=np.inf)))
 
@@ -250,12 +259,12 @@ def _project_fisheye(points: Points, distortion: tuple[float, ...]) -> Points:
 
 @lru_cache(maxsize=64)
 def _fisheye_limit(distortion: tuple[float, ...]) -> float:
-    """Return the angle at which a fisheye lens turns back, at most a little below π."""
+    """Return the angle at which a fisheye lens folds back, at most a little below π."""
     k = np.pad(np.asarray(distortion, dtype=np.float64), (0, 4 - len(distortion)))
     roots = np.polynomial.Polynomial([1, *(k * [3, 5, 7, 9])]).roots() if k.any() else np.empty(0)
     real = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1, np.abs(roots))].real if len(roots) else roots
-    turning = np.sqrt(np.asarray(real, dtype=np.float64)[np.asarray(real) > 0])
-    return float(min([np.pi * (1 - 1e-9), *turning.tolist()]))
+    folds = np.sqrt(np.asarray(real, dtype=np.float64)[np.asarray(real) > 0])
+    return float(min([np.pi * (1 - 1e-9), *folds.tolist()]))
 
 
 def _unproject_fisheye(flat: Points, distortion: tuple[float, ...]) -> Points:

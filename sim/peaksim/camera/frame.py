@@ -1,4 +1,4 @@
-"""What a renderer returns: the picture, where it was taken from, and what is true of it."""
+"""What a renderer returns: the image, the camera and its pose, and the truth about it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.camera.camera import Camera
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.pose import Pose
 
 TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
-"""Error budget of each renderer: rms over a picture against the area integral, grey levels."""
+"""Error budget of each renderer: rms against the area integral, grey levels; see `benchmarks/fidelity_render.py`."""
 
 
 def error_budget(renderer: str) -> str:
-    """Return what a report says of the error that a renderer's textures may have."""
+    """Return the line of a report that states the error that a renderer's textures may have."""
     if renderer == "traced":
         return "Pixels carry the noise of path tracing, which falls with the square root of the samples"
     return f"Texture error budget: {TEXTURE_ERROR_RMS[renderer]} grey levels rms"
@@ -24,14 +24,14 @@ def error_budget(renderer: str) -> str:
 
 @dataclass(frozen=True)
 class Ellipse:
-    """An ellipse in the picture."""
+    """An ellipse in the image."""
 
     center_xy: NDArray[np.float64]
-    """(2,) px; under perspective not the picture of the circle's centre."""
+    """(2,) px; under perspective this is not the image of the circle's centre."""
     semi_axes_px: tuple[float, float]
-    """The longer and the shorter half axis."""
+    """Longer and shorter half axis."""
     angle_deg: float
-    """Direction of the longer one, from x towards y, 0…180."""
+    """Direction of the longer axis, from x towards y, 0…180."""
 
 
 def _unknown(*shape: int) -> NDArray[np.float64]:
@@ -40,7 +40,7 @@ def _unknown(*shape: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class MarkerTruth:
-    """Where one marker truly is in the image, from the projection that the renderer uses."""
+    """Where one marker is in the image, from the projection that the renderer uses."""
 
     name: str
     """Name of the mark."""
@@ -55,7 +55,7 @@ class MarkerTruth:
     distance_m: float
     """Distance of the marker's centre from the camera centre, metres."""
     tilt_deg: float
-    """Angle between the marker's normal and the ray to the camera, degrees: 0 is seen squarely, > 90 from behind."""
+    """Angle between the marker's normal and the ray to the camera, degrees: 0 is head-on, > 90 from behind."""
     visible_fraction: float
     """Share of the pattern's image area that is inside the image and not occluded, 0…1; 0 from behind. Where the
     camera moves: at mid-exposure, as all fields above."""
@@ -64,35 +64,35 @@ class MarkerTruth:
     ellipse: Ellipse = field(default_factory=lambda: Ellipse(_unknown(2), (np.nan, np.nan), np.nan))
     """Picture of the circle inscribed in the pattern; nan where part of it is behind the camera."""
     blur_mean_xy: NDArray[np.float64] = field(default_factory=lambda: _unknown(2))
-    """(2,) mean of `center_xy` over the exposure, px; where the blurred marker's centre of gravity is."""
+    """(2,) mean of `center_xy` over the exposure, px: the centroid of the blurred marker."""
     blur_covariance_px2: NDArray[np.float64] = field(default_factory=lambda: _unknown(2, 2))
     """(2, 2) covariance of `center_xy` over the exposure, px²; 0 where the camera stands still."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture and its truth."""
+    """One image and its truth."""
 
     image: NDArray[np.uint8]
     """(H, W) grey or (H, W, 3) RGB."""
     linear: NDArray[np.float32]
     """(H, W) or (H, W, 3) linear grey levels before rounding, the sensor's input; 255 is white."""
     camera: Camera
-    """The camera that took it."""
+    """Intrinsics, lens and shutter."""
     world_from_camera: Pose
-    """(4, 4) pose of the camera (at mid-exposure of the middle row, where it moves)."""
+    """(4, 4) pose of the camera (at mid-exposure of the middle row, if it moves)."""
     time_s: float
-    """Time on the trajectory; 0 for a single picture."""
+    """Time on the trajectory; 0 for a single image."""
     truth: tuple[MarkerTruth, ...]
-    """One record a marker of the scene, in the scene's order, whether in view or not."""
+    """One record a marker of the scene, in the scene's order, in view or not."""
     renderer: str
     """"exact", "gl" or "traced": which renderer drew it."""
     gl_renderer: str | None
     """OpenGL's renderer string, None without GL."""
     surfaces: "Callable[[], Surfaces]"
     """Computes depth, ids and normals on first use."""
-    shot: Shot
-    """The one projection of picture and truth: `shot.project(points_m)` gives px of world points."""
+    posed_camera: PosedCamera
+    """The one projection of image and truth: `posed_camera.project(points_m)` maps world points to px."""
 
     @cached_property
     def _surfaces(self) -> "Surfaces":

@@ -1,4 +1,4 @@
-"""What a camera's optics and electronics do to linear grey levels; every effect is off by default.
+"""What optics and electronics of a camera do to linear grey levels; every effect is off by default.
 
 In the order of the light: lens blur (Gaussian, disc), vignetting, exposure, photon noise, gain, read noise, response
 curve, quantisation, JPEG. The noise of a frame comes from the Generator that is passed in.
@@ -20,16 +20,17 @@ from peaksim.errors import SceneError
 Levels = NDArray[np.float32]
 
 WHITE = 255.0
+"""Linear grey level of white."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """Settings; the default passes the picture on, rounded once.
+    """Settings; the default only rounds the image.
 
     Raises
     ------
     SceneError
-        That names the field and its range.
+        It names the field and its range.
     """
 
     lens_blur_px: float = 0.0
@@ -49,7 +50,7 @@ class Sensor:
     gamma: float = 1.0
     """Response curve: output = 255·(level/255)^(1/gamma), 0.1…10; 1 is linear."""
     bits: int = 8
-    """Grey levels that the converter tells apart, 1…8 bits; the picture stays uint8."""
+    """Resolution of the converter, 1…8 bits; the image stays uint8."""
     jpeg_quality: int = 0
     """1…100; 0 for no compression."""
 
@@ -78,12 +79,12 @@ class Sensor:
 
 
 def apply_sensor(frame: Frame, sensor: Sensor, rng: np.random.Generator) -> Frame:
-    """Return the frame with its picture taken by the sensor; truth stays."""
-    return replace(frame, image=take(frame.linear, sensor, rng))
+    """Return the frame with its image as the sensor gives it; truth stays."""
+    return replace(frame, image=capture_image(frame.linear, sensor, rng))
 
 
-def take(linear: Levels, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Return the uint8 picture of linear grey levels.
+def capture_image(linear: Levels, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Return the uint8 image of linear grey levels.
 
     Parameters
     ----------
@@ -111,19 +112,19 @@ def take(linear: Levels, sensor: Sensor, rng: np.random.Generator) -> NDArray[np
         levels = levels + np.float32(sensor.read_noise) * rng.standard_normal(levels.shape, dtype=np.float32)
     if sensor.gamma != 1:
         levels = np.float32(WHITE) * (np.clip(levels, 0, None) / np.float32(WHITE)) ** np.float32(1 / sensor.gamma)
-    picture = quantise(levels, sensor.bits)
-    return compress(picture, sensor.jpeg_quality) if sensor.jpeg_quality else picture
+    image = quantise(levels, sensor.bits)
+    return compress_jpeg(image, sensor.jpeg_quality) if sensor.jpeg_quality else image
 
 
 def gaussian_blur(levels: Levels, sigma_px: float) -> Levels:
-    """Return the levels under a Gaussian that is cut at 4 σ; the picture is mirrored at its border."""
+    """Return the levels blurred by a Gaussian that is cut at 4 σ; the image is mirrored at its border."""
     for axis in (0, 1):
         levels = gaussian_filter1d(levels, sigma_px, axis=axis, mode="mirror", truncate=4.0)
     return levels
 
 
 def disc_blur(levels: Levels, radius_px: float) -> Levels:
-    """Return the levels under a disc, which is what a defocused lens of round aperture makes of a point."""
+    """Return the levels blurred by a disc, a defocused lens's image of a point."""
     kernel = disc_kernel(radius_px)
     return np.asarray(cv2.filter2D(levels, -1, kernel, borderType=cv2.BORDER_REFLECT_101), dtype=np.float32)
 
@@ -136,7 +137,7 @@ def disc_kernel(radius_px: float) -> Levels:
     offsets = (np.arange((2 * half + 1) * fine) + 0.5) / fine - half - 0.5
     inside = offsets[:, None] ** 2 + offsets[None, :] ** 2 <= max(radius_px, 1e-3) ** 2
     shares = inside.reshape(2 * half + 1, fine, 2 * half + 1, fine).mean(axis=(1, 3))
-    if shares.sum() == 0:  # a disc between the samples is a point
+    if shares.sum() == 0:  # a disc that falls between the samples is a point
         shares[half, half] = 1
     return np.asarray(shares / shares.sum(), dtype=np.float32)
 
@@ -174,9 +175,9 @@ def quantise(levels: Levels, bits: int = 8) -> NDArray[np.uint8]:
     return np.asarray(np.rint(codes * (WHITE / steps)), dtype=np.uint8)
 
 
-def compress(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
-    """Return the picture after JPEG at a quality of 1…100."""
+def compress_jpeg(image: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
+    """Return the image after JPEG at a quality of 1…100."""
     buffer = BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=quality)
+    Image.fromarray(image).save(buffer, "JPEG", quality=quality)
     buffer.seek(0)
     return np.array(Image.open(buffer))

@@ -1,7 +1,7 @@
-"""The one projection of pictures and truth when the camera moves: row by row, and over the exposure.
+"""The one projection of images and truth, also when the camera moves: row by row, and over the exposure.
 
-A still camera is one on a trajectory of one waypoint. Row y is exposed around `time_s` + (y − (H − 1)/2)·`row_time_s`,
-for `exposure_s`; a point is seen at the row that is exposed when the point is there.
+A still camera is on a trajectory of one waypoint. Row y is exposed around `time_s` + (y − (H − 1)/2)·`row_time_s`,
+for `exposure_s`; a point appears in the row that is exposed while the point projects to it.
 """
 
 from dataclasses import dataclass, replace
@@ -15,15 +15,16 @@ from peaksim.geometry.pose import Pose
 from peaksim.geometry.trajectory import Trajectory
 
 _STEPS = 100
+"""Most fixed-point steps from a point's row to the pose of that row and back."""
 _CONVERGED_PX = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """One picture of a camera on its way."""
+class PosedCamera:
+    """A camera on a trajectory, at the time of one image."""
 
     camera: Camera
-    """What takes the picture."""
+    """Intrinsics, lens and shutter."""
     trajectory: Trajectory
     """Where the camera is, and when."""
     time_s: float = 0.0
@@ -47,7 +48,7 @@ class Shot:
     def row_poses(self, y: ArrayLike) -> NDArray[np.float64]:
         """Return the (n, 4, 4) poses at mid-exposure of (n,) rows, or (1, 4, 4) if all rows have the same.
 
-        Rows farther from the picture than its height are taken to be there.
+        Rows farther from the image than its height get the pose at that distance.
         """
         if not self.is_rolling:
             return self.pose[None]
@@ -59,14 +60,14 @@ class Shot:
 
     @cached_property
     def _pose_table(self) -> NDArray[np.float64]:
-        """(3·H + 1, 4, 4) poses of the rows −H…2·H; between two rows a pose is as good as straight."""
+        """(3·H + 1, 4, 4) poses of the rows −H…2·H; between two rows poses are linear to rounding error."""
         rows = np.arange(-self.camera.height, 2 * self.camera.height + 1) - (self.camera.height - 1) / 2
         return self.trajectory.poses_at(self.time_s + rows * self.camera.row_time_s)
 
     def project(self, points_m: ArrayLike) -> NDArray[np.float64]:
         """Return (n, 2) px of (n, 3) world points at mid-exposure.
 
-        nan behind the camera, and where the shutter has no answer: the point outruns the rows.
+        nan behind the camera, and where the rolling shutter never catches the point: it outruns the rows.
         """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
         xy = self._project_from(self.pose[None], points)
@@ -87,19 +88,19 @@ class Shot:
         return self.camera.project(in_camera)
 
     def rays(self, xy: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return what sees (n, 2) px: (1 or n, 4, 4) poses, (n, 3) directions in the camera's frame and the world's."""
-        places = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
-        poses = self.row_poses(places[:, 1])
-        rays = self.camera.unproject(places)
+        """Return the viewing rays of (n, 2) px: (1 or n, 4, 4) poses, (n, 3) directions in camera and world frame."""
+        xy = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+        poses = self.row_poses(xy[:, 1])
+        rays = self.camera.unproject(xy)
         return poses, rays, (poses[:, :3, :3] @ rays[:, :, None])[:, :, 0]
 
-    def moments(self, count: int) -> tuple["Shot", ...]:
-        """Return shots without blur at the middles of `count` equal parts of the exposure."""
+    def moments(self, count: int) -> tuple["PosedCamera", ...]:
+        """Return posed cameras without blur at the middles of `count` equal parts of the exposure."""
         steps = ((np.arange(count) + 0.5) / count - 0.5) * self.camera.exposure_s
         sharp = replace(self.camera, exposure_s=0.0)
-        return tuple(Shot(sharp, self.trajectory, self.time_s + float(step)) for step in steps)
+        return tuple(PosedCamera(sharp, self.trajectory, self.time_s + float(step)) for step in steps)
 
 
-def still(camera: Camera, world_from_camera: Pose) -> Shot:
-    """Return the shot of a camera that stands still."""
-    return Shot(camera, Trajectory(np.zeros(1), np.asarray(world_from_camera)[None]))
+def still_camera(camera: Camera, world_from_camera: Pose) -> PosedCamera:
+    """Return a camera that stands still."""
+    return PosedCamera(camera, Trajectory(np.zeros(1), np.asarray(world_from_camera)[None]))

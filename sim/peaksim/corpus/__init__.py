@@ -2,31 +2,33 @@
 
 ::
 
-    spec.toml ─▶ spec ─▶ plan (pure, by frame index) ─▶ sample (picture + record) ─▶ store
+    spec.toml ─▶ spec ─▶ plan (pure, by frame index) ─▶ sample (image + record) ─▶ store
                                                               shards, then parts, then the manifest
 
 `make_corpus` writes one, `open_corpus` reads one, `check_corpus` verifies one.
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
-_HOMES = {
-    "CorpusSpec": "spec",
-    "check_corpus": "check",
-    "in_process": "backends",
-    "load_spec": "spec",
-    "make_corpus": "make",
-    "on_dask": "backends",
-    "open_corpus": "read",
-    "processes": "backends",
-}
+from peaksim.lazy import lazy_names
 
-__all__ = list(_HOMES)
+if TYPE_CHECKING:
+    from peaksim.corpus.backends import in_process as in_process
+    from peaksim.corpus.backends import on_dask as on_dask
+    from peaksim.corpus.backends import processes as processes
+    from peaksim.corpus.check import check_corpus as check_corpus
+    from peaksim.corpus.make import make_corpus as make_corpus
+    from peaksim.corpus.read import open_corpus as open_corpus
+    from peaksim.corpus.spec import CorpusSpec as CorpusSpec
+    from peaksim.corpus.spec import load_spec as load_spec
 
-
-def __getattr__(name: str) -> Any:
-    """Import a public name's module on first use (PEP 562)."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'peaksim.corpus' has no attribute {name!r}")
-    return getattr(import_module(f"peaksim.corpus.{_HOMES[name]}"), name)
+__all__, __getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        **dict.fromkeys(("CorpusSpec", "load_spec"), "peaksim.corpus.spec"),
+        **dict.fromkeys(("in_process", "on_dask", "processes"), "peaksim.corpus.backends"),
+        "check_corpus": "peaksim.corpus.check",
+        "make_corpus": "peaksim.corpus.make",
+        "open_corpus": "peaksim.corpus.read",
+    },
+)

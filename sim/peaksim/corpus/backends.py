@@ -1,7 +1,7 @@
-"""Where tasks run: here, in processes of this machine, or on the workers of a Dask scheduler.
+"""Where tasks run: in this process, in processes of this machine, or on the workers of a Dask scheduler.
 
 A backend turns (work, numbers) into results as they come. The work is a function of one number that any process can
-import; doing a number twice is harmless, so whatever is lost is done again.
+import; doing a number twice is harmless, so whatever is lost is repeated.
 """
 
 import ctypes
@@ -43,7 +43,7 @@ _ONE_THREAD = dict.fromkeys(
 
 @dataclass(frozen=True)
 class Backend:
-    """A place to run tasks."""
+    """Where tasks run."""
 
     run: Callable[[Work, Iterable[int]], Iterator[Any]]
     """Yields the results in any order."""
@@ -52,7 +52,7 @@ class Backend:
 
 
 def in_process() -> Backend:
-    """Return the backend that does everything in this process."""
+    """Return the backend that runs everything in this process."""
 
     def run(work: Work, numbers: Iterable[int]) -> Iterator[Any]:
         return (work(number) for number in numbers)
@@ -103,7 +103,7 @@ class _Worker:
 
 
 class _Crew:
-    """Processes that each hold one task; one that dies is replaced and its task done again."""
+    """Processes that each hold one task; one that dies is replaced and its task repeated."""
 
     def __init__(self, work: Work, size: int) -> None:
         self._work = work
@@ -114,7 +114,7 @@ class _Crew:
         self._deaths: dict[int, int] = {}
 
     def run(self, numbers: Iterable[int]) -> Iterator[Any]:
-        """Yield results as they come; at any end no process is left behind."""
+        """Yield results as they come; however it ends, no process is left behind."""
         waiting, lost = iter(numbers), list[int]()
         try:
             while True:
@@ -179,8 +179,9 @@ class _Crew:
 def _serve(pipe: connection.Connection) -> None:
     """Answer each number with (failure, result) until the other side is gone.
 
-    The work comes through the pipe, so that its imports begin when this process's end is settled. It ends without
-    finalising the interpreter, which can wait for ever for the threads of numerical and OpenGL libraries.
+    The work comes through the pipe, so that its imports begin when this process is certain to end with its
+    parent. It ends without finalising the interpreter, which can wait forever for the threads of numerical and OpenGL
+    libraries.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent stops its workers
     _end_with_parent()
@@ -212,14 +213,14 @@ def _answer(work: Work, number: int) -> tuple[Exception | None, Any]:
 def _end_with_parent() -> None:
     """Have this process killed when its parent ends, however that happens.
 
-    On Linux by the kernel, whatever this process is doing then; it counts as the parent's end when the thread ends
-    that started this process. Elsewhere by a thread that watches the parent.
+    On Linux the kernel kills it, whatever it is doing, also when the thread that started it ends. Elsewhere a thread
+    watches the parent.
     """
     parent = parent_process()
     assert parent is not None
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent.pid:  # it ended before it was asked for
+        if os.getppid() != parent.pid:  # it ended before the request
             os._exit(1)
     threading.Thread(target=_watch, args=(parent.sentinel,), daemon=True).start()
 
@@ -267,7 +268,7 @@ def _client(address: str) -> Iterator[Any]:
 
 
 def _submit(client: Any, work: Work, numbers: Iterable[int]) -> Iterator[Any]:
-    """Keep a window of tasks at the scheduler, which so holds few names however many tasks there are."""
+    """Keep a window of tasks at the scheduler, so that it holds few names however many tasks there are."""
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 

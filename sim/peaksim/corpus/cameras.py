@@ -1,4 +1,4 @@
-"""The cameras of a corpus: few, drawn once, so that each has one calibration file."""
+"""The cameras of a corpus: few and drawn once, so that each has one calibration file."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from peaksim.errors import SceneError
 
 @dataclass(frozen=True)
 class NamedCamera:
-    """A camera, the name of its calibration file, and how often it is taken."""
+    """A camera, the name of its calibration file, and its weight when one is drawn."""
 
     name: str
     camera: Camera
@@ -24,7 +24,7 @@ def drawn_cameras(spec: CorpusSpec) -> tuple[NamedCamera, ...]:
     Raises
     ------
     SceneError
-        If a drawn camera cannot be, such as one whose distortion folds the picture.
+        If a drawn camera is impossible, such as one whose distortion folds the image.
     """
     draws = corpus_draws(spec.seed)
     return tuple(

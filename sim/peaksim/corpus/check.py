@@ -1,4 +1,4 @@
-"""check_corpus: every file against its check sum, and no file too many."""
+"""check_corpus: every file against its check sum, and no other files."""
 
 import json
 from collections.abc import Callable, Iterator

@@ -9,7 +9,7 @@ from peaksim.corpus.plan import MOST_ATTEMPTS, plan_frame, read_scene
 from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import SceneError
-from peaksim.scene.build import facing
+from peaksim.scene.build import quad_pose
 from peaksim.scene.file import build_setup
 from peaksim.scene.schema import MarkerTable, RoomTable, SceneTable
 
@@ -74,12 +74,12 @@ def _check_eyes(view: RandomView, room: RoomTable, field: str) -> None:
 
 
 def _check_marker(marker: MarkerTable, spread: MarkerSpread, room: RoomTable) -> None:
-    """Refuse shifts, turns and sizes that can push a marker out of the room: its farthest circle must be inside."""
+    """Refuse shifts, rotations and sizes that can push a marker out of the room: its farthest circle must be inside."""
     if spread == MarkerSpread(kinds=spread.kinds, keep=spread.keep):
         return
     shift = np.sqrt(2) * max(abs(limit) for limit in spread.shift_m.limits)
     reach = shift + np.sqrt(2) * (marker.side_m / 2 + marker.border_m) * spread.side_factor.limits[1]
-    normal = facing(marker.normal, marker.up, marker.center_m, marker.name)[:3, 2]
+    normal = quad_pose(marker.normal, marker.up, marker.center_m, marker.name)[:3, 2]
     extent = reach * np.sqrt(1 - np.clip(normal**2, 0, 1))
     low, high = np.array(marker.center_m) - extent, np.array(marker.center_m) + extent
     if not ((low >= np.array(room.min_m) - 1e-9) & (high <= np.array(room.max_m) + 1e-9)).all():

@@ -1,7 +1,7 @@
 """COCO key points (cocodataset.org/#format-data): one category for each kind of marker.
 
 Key points are in COCO's pixel convention, which is ours: whole numbers are pixel centres. Boxes, polygons and areas
-are in COCO's too, where the picture's top-left corner is (0, 0), so they are ours + ½.
+are too, where the image's top-left corner is (0, 0), so they are ours + ½.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -9,13 +9,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from peaksim.corpus.layout import picture_name
+from peaksim.corpus.layout import image_name
 from peaksim.corpus.sample import KEYPOINTS, UNSEEN, Record, to_line
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
-from peaksim.truth.markers import polygon_area
+from peaksim.geometry.polygon import clip_polygon, polygon_area
 
 MOST_MARKERS = 10_000
 """In one frame; annotation numbers are built on it."""
@@ -25,7 +24,7 @@ _SKELETON = [[2, 3], [3, 4], [4, 5], [5, 2]]
 
 @contextmanager
 def coco_writer(file: Writing, spec: CorpusSpec, kinds: Sequence[str]) -> Iterator[Callable[[Record], None]]:
-    """Give a function that adds a frame to a COCO file.
+    """Yield a function that adds a frame to a COCO file.
 
     `kinds` are all of the corpus, so that category numbers agree between its parts.
     """
@@ -56,7 +55,7 @@ def _json(value: Any) -> bytes:
 
 def _image(spec: CorpusSpec, record: Record) -> dict[str, Any]:
     camera = record["camera"]
-    name = picture_name(spec, record["frame"]).removeprefix("frames/")
+    name = image_name(spec, record["frame"]).removeprefix("frames/")
     return {"id": record["frame"], "file_name": name, "width": camera["width"], "height": camera["height"]}
 
 
@@ -67,7 +66,7 @@ def _annotation(record: Record, marker: dict[str, Any], number: int, category: i
         for xy, state in zip(marker["points_xy"], states, strict=True)
     ]
     corners = np.array([xy for xy in marker["points_xy"][1:] if None not in xy], dtype=np.float64).reshape(-1, 2)
-    outline = clipped(corners + 0.5, camera["width"], camera["height"])
+    outline = clip_polygon(corners + 0.5, (0, 0), (camera["width"], camera["height"]))
     low, high = (outline.min(axis=0), outline.max(axis=0)) if len(outline) else (np.zeros(2), np.zeros(2))
     return {
         "id": record["frame"] * MOST_MARKERS + number,
@@ -76,29 +75,9 @@ def _annotation(record: Record, marker: dict[str, Any], number: int, category: i
         "keypoints": [value for point in points for value in point],
         "num_keypoints": sum(state != UNSEEN for state in states),
         "bbox": [*map(float, low), *map(float, high - low)],
-        "area": abs(polygon_area(outline)) if len(outline) else 0.0,
+        "area": abs(polygon_area(outline)),
         "segmentation": [[float(value) for value in outline.ravel()]] if len(outline) >= 3 else [],
         "iscrowd": 0,
         "visible_fraction": marker["visible_fraction"],
         "marker": marker["name"],
     }
-
-
-def clipped(polygon: NDArray[np.float64], width: float, height: float) -> NDArray[np.float64]:
-    """Return the part of a convex (n, 2) polygon inside [0, width] × [0, height] (Sutherland and Hodgman 1974)."""
-    for axis, sign, limit in ((0, 1.0, 0.0), (0, -1.0, width), (1, 1.0, 0.0), (1, -1.0, height)):
-        polygon = _cut(polygon, sign * (polygon[:, axis] - limit) if len(polygon) else np.zeros(0))
-    return polygon
-
-
-def _cut(polygon: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Keep the part of a polygon where `depth`, linear along its edges, is not negative."""
-    kept: list[NDArray[np.float64]] = []
-    for i in range(len(polygon)):
-        before = i - 1
-        if (depth[before] < 0) != (depth[i] < 0):
-            share = depth[before] / (depth[before] - depth[i])
-            kept.append(polygon[before] + share * (polygon[i] - polygon[before]))
-        if depth[i] >= 0:
-            kept.append(polygon[i])
-    return np.array(kept).reshape(-1, 2)

@@ -1,7 +1,7 @@
 """A COLMAP text model (colmap.github.io/format.html): cameras, images, and the markers' points as its 3-D points.
 
 COLMAP's pixel centres are at +½, its poses camera from world. Points belong to a sequence: the same marker is
-another five points in the next one, whose scene may have moved it.
+five other points in the next one, whose scene may have moved it.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from peaksim.corpus.layout import picture_name
+from peaksim.corpus.layout import image_name
 from peaksim.corpus.sample import SEEN, Record
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
@@ -20,22 +20,22 @@ from peaksim.geometry.pose import invert
 
 
 @dataclass
-class _Point:
+class _TrackedPoint:
     number: int
     xyz: list[float]
     track: list[tuple[int, int]] = field(default_factory=list)
 
 
-Points = dict[tuple[str, int], _Point]
+Points = dict[tuple[str, int], _TrackedPoint]
 
 
 @contextmanager
 def colmap_writer(
     cameras: Writing, images: Writing, points: Writing, spec: CorpusSpec
 ) -> Iterator[Callable[[Record], None]]:
-    """Give a function that adds a frame to the files cameras.txt, images.txt and points3D.txt.
+    """Yield a function that adds a frame to the files cameras.txt, images.txt and points3D.txt.
 
-    Frames of one sequence come one after another.
+    Frames of one sequence follow one another.
     """
     camera_numbers: dict[str, int] = {}
     current: Points = {}
@@ -74,7 +74,7 @@ def _brown(k: list[float]) -> tuple[str, list[float]]:
 
 
 def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, first_point: int) -> str:
-    """Return an image's two lines, and add what it sees to the points' tracks; new points count from `first_point`."""
+    """Return an image's two lines, and add its visible points to their tracks; new points count from `first_point`."""
     number = record["frame"] + 1
     pose = invert(np.array(record["world_from_camera"]))
     x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
@@ -82,16 +82,16 @@ def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, 
     for marker in record["markers"]:
         for i, state in enumerate(marker["points_seen"]):
             if state == SEEN:
-                fresh = _Point(first_point + len(points), marker["points_world_m"][i])
+                fresh = _TrackedPoint(first_point + len(points), marker["points_world_m"][i])
                 point = points.setdefault((marker["name"], i), fresh)
                 point.track.append((number, len(seen)))
                 u, v = marker["points_xy"][i]
                 seen.append(f"{u + 0.5!r} {v + 0.5!r} {point.number}")
-    name = picture_name(spec, record["frame"]).removeprefix("frames/")
+    name = image_name(spec, record["frame"]).removeprefix("frames/")
     return f"{number} {_joined([w, x, y, z, *pose[:3, 3]])} {camera} {name}\n{' '.join(seen)}\n"
 
 
-def _point_line(point: _Point) -> str:
+def _point_line(point: _TrackedPoint) -> str:
     track = " ".join(f"{image} {index}" for image, index in point.track)
     return f"{point.number} {_joined(point.xyz)} 128 128 128 0 {track}\n"
 

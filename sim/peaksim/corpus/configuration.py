@@ -1,4 +1,4 @@
-"""What decides a corpus's bytes beside its frames' numbers: corpus.json, compared before anything is written."""
+"""Everything that decides the bytes of a corpus: corpus.json, compared before anything is written."""
 
 import json
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ class Configuration:
     spec: CorpusSpec
     """The specification, defaults included."""
     renderer: str
-    """"exact" or "gl": what "auto" came to."""
+    """"exact" or "gl": what "auto" resolved to."""
     gl_renderer: str | None
     """OpenGL's renderer string, None without GL."""
     kinds: tuple[str, ...]
@@ -64,7 +64,7 @@ class Configuration:
         return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def configure(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
+def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
     """Return the configuration of a new corpus; `folder` is where the specification's files are."""
     scenes = [read_scene(choice.file, folder) for choice in spec.scenes]
     single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
@@ -76,15 +76,15 @@ def configure(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | 
 
 def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
     for choice in spec.scenes:
-        beside = folder / choice.file
-        yield choice.file, beside if beside.is_file() else find_scene(choice.file)
+        file = folder / choice.file
+        yield choice.file, file if file.is_file() else find_scene(choice.file)
         table, scene_folder = read_scene(choice.file, folder)
         skies = [light.file for light in table.lights if isinstance(light, EnvironmentTable)]
         for names in (*([t.file, *t.variants.values()] for t in table.textures.values()), skies):
             for name in names:
                 if name is not None:
-                    picture = scene_folder / name
-                    yield name, picture if picture.is_file() else shipped.ASSETS / name
+                    beside = scene_folder / name
+                    yield name, beside if beside.is_file() else shipped.ASSETS / name
     for kind in kinds:
         yield f"markers/{kind}.png", shipped.ASSETS / "markers" / f"{kind}.png"
     for view in spec.views:
@@ -131,8 +131,8 @@ def read_configuration(store: Store) -> Configuration:
         raise InputError(f"{where}: expected the configuration of a corpus: {error!r:.80}") from error
 
 
-def claim(store: Store, configuration: Configuration) -> None:
-    """Make a folder or bucket this corpus's own, or find that it already is.
+def claim_store(store: Store, configuration: Configuration) -> None:
+    """Claim a folder or bucket for this corpus, or find that it already is this corpus.
 
     Raises
     ------
@@ -151,12 +151,12 @@ def claim(store: Store, configuration: Configuration) -> None:
 
 def _refuse_difference(store: Store, configuration: Configuration) -> None:
     there = dict(_flat(json.loads(read_configuration(store).to_bytes())))
-    asked = dict(_flat(json.loads(configuration.to_bytes())))
-    for field in [*asked, *(field for field in there if field not in asked)]:
-        if there.get(field) != asked.get(field):
+    here = dict(_flat(json.loads(configuration.to_bytes())))
+    for field in [*here, *(field for field in there if field not in here)]:
+        if there.get(field) != here.get(field):
             raise InputError(
                 f"{store.url}: holds a corpus of another configuration: {field} is "
-                f"{there.get(field)!r} there and {asked.get(field)!r} here"
+                f"{there.get(field)!r} there and {here.get(field)!r} here"
             )
 
 

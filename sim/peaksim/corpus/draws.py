@@ -1,13 +1,13 @@
 """Random numbers of a corpus: each field of each frame or sequence has its own, derived from the seed.
 
-A number is a hash of what it is for, which makes it the same on every machine and in whichever order it is asked
-for, and leaves all others as they are when a field is added.
+A number is a hash of what it is for, which makes it the same on every machine and in whichever order numbers
+are drawn, and leaves all others as they are when a field is added.
 """
 
 from dataclasses import dataclass
 from hashlib import blake2b
 
-from peaksim.corpus.spread import Spread, pick
+from peaksim.corpus.spread import Spread, pick_index
 
 _CORPUS, _SEQUENCE, _FRAME = 1, 2, 3
 
@@ -30,7 +30,7 @@ class Draws:
 
     def index(self, name: str, weights: tuple[float, ...]) -> int:
         """Return one of the indices of the weights."""
-        return pick(self.share(name), weights)
+        return pick_index(self.share(name), weights)
 
 
 def corpus_draws(seed: int) -> Draws:

@@ -5,7 +5,7 @@ import re
 from peaksim.corpus.spec import CorpusSpec, StoreTable
 
 FORMAT = "peakmark-corpus-1"
-"""Version of everything that CORPUS.md says."""
+"""Version of the format that CORPUS.md defines."""
 
 CONFIGURATION = "corpus.json"
 MANIFEST = "manifest.json"
@@ -25,8 +25,8 @@ def shard_key(shard: int) -> str:
     return f"{shard:06d}"
 
 
-def picture_name(spec: CorpusSpec, index: int) -> str:
-    """Return the name of a frame's picture."""
+def image_name(spec: CorpusSpec, index: int) -> str:
+    """Return the name of a frame's image."""
     return f"{_frames_folder(spec.store, index)}{frame_key(index)}.{SUFFIXES[spec.pictures.format]}"
 
 
@@ -55,7 +55,7 @@ def records_name(shard: int) -> str:
 
 
 def shard_sums_name(shard: int) -> str:
-    """Return the name of a shard's check sums; the file is written last and says that the shard is complete."""
+    """Return the name of a shard's check sums; the file is written last: it means that the shard is complete."""
     return f"sums/shard-{shard_key(shard)}.sha256"
 
 

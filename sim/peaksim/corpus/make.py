@@ -13,25 +13,25 @@ from peaksim.corpus import layout
 from peaksim.corpus.backends import Backend, in_process
 from peaksim.corpus.calibration import opencv_yaml
 from peaksim.corpus.check_spec import check_spec
-from peaksim.corpus.configuration import Configuration, claim, configure
+from peaksim.corpus.configuration import Configuration, claim_store, make_configuration
 from peaksim.corpus.plan import corpus_cameras, plan_frame
 from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
-from peaksim.corpus.store.base import Store, write
+from peaksim.corpus.store.base import Store, write_file
 from peaksim.corpus.store.opening import open_store
 from peaksim.corpus.write import Job, write_part, write_shard
 from peaksim.rendering import render
 
-_PROBE_PX = 16  # width of the picture that tells which renderer there is
+_PROBE_PX = 16  # width of the image that tells which renderer is available
 
 
 @dataclass(frozen=True)
 class Made:
-    """What a run did."""
+    """The result of a run."""
 
     frames: int
     """In the corpus."""
     rendered: int
-    """By this run; the others were there."""
+    """By this run; the others existed."""
     configuration: Configuration
     """As corpus.json has it."""
 
@@ -63,14 +63,14 @@ def make_corpus(
     InputError
         One line: the specification contradicts itself, the destination holds something else or cannot be written.
     RendererError
-        If rendering fails, or the machine that goes on has another OpenGL renderer than the one that began.
+        If rendering fails, or the machine that resumes has another OpenGL renderer than the one that began.
     """
     check_spec(spec, folder)
     backend = backend or in_process()
     store = open_store(dest, new=True)
     with store.alone():
-        configuration = configure(spec, folder, *_probe(spec, folder, backend))
-        claim(store, configuration)
+        configuration = make_configuration(spec, folder, *_probe(spec, folder, backend))
+        claim_store(store, configuration)
         job = Job(dest, str(folder), sha256(store.read(layout.CONFIGURATION)).hexdigest())
         rendered = 0
         if not store.exists(layout.MANIFEST):
@@ -82,16 +82,16 @@ def make_corpus(
 
 
 def _probe(spec: CorpusSpec, folder: Path, backend: Backend) -> tuple[str, str | None]:
-    """Return which renderer draws all frames: on this machine the workers have its own."""
+    """Return which renderer draws all frames; workers on this machine have the same one."""
     if spec.renderer == "exact":
         return "exact", None
     where = in_process() if backend.is_here else backend
-    found: tuple[str, str | None] = next(iter(where.run(partial(probe, spec_to_json(spec), str(folder)), [0])))
+    found: tuple[str, str | None] = next(iter(where.run(partial(probe_renderer, spec_to_json(spec), str(folder)), [0])))
     return found
 
 
-def probe(spec_json: str, folder: str, frame: int) -> tuple[str, str | None]:
-    """Return renderer and OpenGL's renderer string, found by drawing a frame very small."""
+def probe_renderer(spec_json: str, folder: str, frame: int) -> tuple[str, str | None]:
+    """Return renderer and OpenGL's renderer string, found by drawing a tiny frame."""
     plan = plan_frame(spec := spec_from_json(spec_json), Path(folder), frame)
     small = resized(plan.camera, _PROBE_PX / plan.camera.width)
     drawn = render(plan.scene, small, plan.world_from_camera, renderer=spec.renderer)
@@ -117,7 +117,7 @@ def _finish(store: Store, configuration: Configuration, folder: Path) -> None:
     names = [layout.CONFIGURATION]
     for camera in corpus_cameras(spec, folder):
         names.append(layout.camera_name(camera.name))
-        write(store, names[-1], opencv_yaml(camera.camera, camera.name).encode())
+        write_file(store, names[-1], opencv_yaml(camera.camera, camera.name).encode())
     names += [layout.part_sums_name(part) for part in range(layout.part_count(spec))]
     manifest: dict[str, Any] = {
         "format": layout.FORMAT,
@@ -129,4 +129,4 @@ def _finish(store: Store, configuration: Configuration, folder: Path) -> None:
         "versions": configuration.versions,
         "sha256": {name: sha256(store.read(name)).hexdigest() for name in names},
     }
-    write(store, layout.MANIFEST, (json.dumps(manifest, indent=2, ensure_ascii=False) + "\n").encode())
+    write_file(store, layout.MANIFEST, (json.dumps(manifest, indent=2, ensure_ascii=False) + "\n").encode())

@@ -1,4 +1,4 @@
-"""All tables of a part, written side by side while its records pass by once."""
+"""All tables of a part, written side by side in one pass over its records."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -30,7 +30,7 @@ NAMES = (
 def part_tables(
     configuration: Configuration, create: Callable[[str], AbstractContextManager[Writing]]
 ) -> Iterator[Callable[[Record], None]]:
-    """Give a function that adds a frame to all tables; `create` opens each by its name."""
+    """Yield a function that adds a frame to all tables; `create` opens each by its name."""
     spec = configuration.spec
     with ExitStack() as stack:
         files = {name: stack.enter_context(create(name)) for name in NAMES}

@@ -1,7 +1,7 @@
 """What each frame of a corpus is: pure functions of the specification, the seed and the frame's index.
 
 A *sequence* is a run of `sequence_frames` frames that share a scene, with its textures, markers and clutter, and a
-camera and a kind of view. View, light and sensor are drawn for every frame.
+camera and a kind of view. AnyView, light and sensor are drawn for every frame.
 """
 
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
-from peaksim.corpus.spec import CorpusSpec, FlightView, LightSpread, SensorSpread, View, sensor_value
-from peaksim.corpus.vary import varied
+from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, sensor_value
+from peaksim.corpus.vary import vary_scene
 from peaksim.corpus.views import is_free, markers_ahead, view_pose
 from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import Pose
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
-from peaksim.scene.build import camera as camera_of
+from peaksim.scene.build import build_camera
 from peaksim.scene.file import Setup, build_setup, read_table
 from peaksim.scene.scene import Light, Scene
 from peaksim.scene.schema import RoomTable, SceneTable
@@ -43,13 +43,13 @@ class Sequence:
     setup: Setup
     """The scene as varied for this sequence, with the file's own camera, trajectory and sensor."""
     room: RoomTable | None
-    """Which the camera may not leave."""
+    """Room that the camera may not leave."""
     camera: NamedCamera
-    """Which takes the pictures."""
-    view: View
+    """Camera of all its frames."""
+    view: AnyView
     """How poses are drawn."""
     trajectory: Trajectory
-    """What flights follow."""
+    """Trajectory that flights follow."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class FramePlan:
     index: int
     """From 0."""
     sequence: Sequence
-    """Which it belongs to."""
+    """Sequence that it belongs to."""
     scene: Scene
     """With this frame's lights."""
     world_from_camera: Pose
@@ -69,13 +69,13 @@ class FramePlan:
     sensor: Sensor
     """This frame's settings."""
     seed: int
-    """The corpus's."""
+    """Seed of the corpus."""
     samples: int = SAMPLES
     """Paths a pixel, for the traced renderer."""
 
     @property
     def camera(self) -> Camera:
-        """The camera that takes it."""
+        """Camera of the sequence."""
         return self.sequence.camera.camera
 
     def noise(self) -> np.random.Generator:
@@ -89,7 +89,7 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
     Raises
     ------
     SceneError
-        One line that names the frame, if nothing fits what the specification asks for.
+        One line that names the frame, if no view fulfils the specification.
     """
     sequence = open_sequence(spec, folder, index // spec.sequence_frames)
     try:
@@ -109,11 +109,11 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
 
 
 def _view(spec: CorpusSpec, sequence: Sequence, index: int, attempts: int) -> tuple[Pose, float, Draws]:
-    """Draw views until one is in the room and sees as many markers as asked for."""
+    """Draw views until one is in the room and shows as many markers as the view needs."""
     setup, view, camera = sequence.setup, sequence.view, sequence.camera.camera
     position = (index % spec.sequence_frames) / max(1, spec.sequence_frames - 1)
     room = None if sequence.room is None else (np.array(sequence.room.min_m), np.array(sequence.room.max_m))
-    furniture = () if isinstance(view, FlightView) else setup.scene.meshes  # a flight knows where it may pass
+    furniture = () if isinstance(view, FlightView) else setup.scene.meshes  # flights may pass anywhere
     for attempt in range(attempts):
         draws = frame_draws(spec.seed, index, attempt)
         try:
@@ -165,7 +165,7 @@ def _sensor(sensor: Sensor, spec: CorpusSpec, draws: Draws, sequence: int) -> Se
 
 @lru_cache(maxsize=2)
 def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
-    """Draw and build a sequence; the last two are kept, as neighbouring frames share them.
+    """Draw and build a sequence; the last two are cached, as neighbouring frames share them.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
     file = spec.scenes[choice].file
     table, beside = read_scene(file, folder)
     try:
-        setup = build_setup(varied(table, spec, draws), beside)
+        setup = build_setup(vary_scene(table, spec, draws), beside)
     except InputError as error:
         raise SceneError(f"{file}: {error}") from error
     view = spec.views[draws.index("view", tuple(view.weight for view in spec.views))]
@@ -196,7 +196,7 @@ def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
     if spec.cameras:
         return drawn_cameras(spec)
     tables = (read_scene(choice.file, folder)[0] for choice in spec.scenes)
-    return tuple(NamedCamera(f"scene-{i:03d}", camera_of(table.camera), 1.0) for i, table in enumerate(tables))
+    return tuple(NamedCamera(f"scene-{i:03d}", build_camera(table.camera), 1.0) for i, table in enumerate(tables))
 
 
 def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCamera:
@@ -204,7 +204,7 @@ def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCa
     return cameras[draws.index("camera", tuple(c.weight for c in cameras)) if spec.cameras else scene]
 
 
-def _trajectory(view: View, setup: Setup, folder: Path) -> Trajectory:
+def _trajectory(view: AnyView, setup: Setup, folder: Path) -> Trajectory:
     if isinstance(view, FlightView) and view.file is not None:
         return load_trajectory(folder / view.file)
     return setup.trajectory

@@ -1,4 +1,4 @@
-"""Reading a corpus: pictures and records by frame number, whether they lie loose or in shards."""
+"""Reading a corpus: images and records by frame number, from loose files or from shards."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from peaksim.corpus import layout
 from peaksim.corpus.configuration import Configuration, read_configuration
-from peaksim.corpus.sample import Record, decode
-from peaksim.corpus.shard import members
+from peaksim.corpus.sample import Record, decode_image
+from peaksim.corpus.shard import read_members
 from peaksim.corpus.store.base import Store
 from peaksim.corpus.store.opening import open_store
 from peaksim.corpus.write import read_records
@@ -19,10 +19,10 @@ from peaksim.errors import InputError
 
 @dataclass(frozen=True)
 class Corpus:
-    """An opened corpus; frames are read when asked for."""
+    """An opened corpus; frames are read on demand."""
 
     store: Store
-    """Where it lies."""
+    """Its files."""
     configuration: Configuration
     """What made it."""
 
@@ -49,7 +49,7 @@ class Corpus:
         return list(read_records(self.store, shard))[frame % spec.store.shard_frames]
 
     def picture(self, frame: int) -> NDArray[np.uint8]:
-        """Return a frame's picture, (H, W) grey or (H, W, 3) RGB.
+        """Return a frame's image, (H, W) grey or (H, W, 3) RGB.
 
         Raises
         ------
@@ -57,19 +57,19 @@ class Corpus:
             If it is damaged.
         """
         spec = self.configuration.spec
-        name = layout.picture_name(spec, frame)
+        name = layout.image_name(spec, frame)
         if spec.store.files:
-            return decode(self.store.read(name), name)
+            return decode_image(self.store.read(name), name)
         key = name.rpartition("/")[2]
         shard = _shard(self.store.url, layout.shard_name(frame // spec.store.shard_frames))
         if key not in shard:
             raise InputError(f"{self.store.url}: expected {key} in a shard, it is not there")
-        return decode(shard[key], name)
+        return decode_image(shard[key], name)
 
 
 @lru_cache(maxsize=1)
 def _shard(url: str, name: str) -> dict[str, bytes]:
-    return members(open_store(url).read(name))
+    return read_members(open_store(url).read(name))
 
 
 def open_corpus(dest: str) -> Corpus:

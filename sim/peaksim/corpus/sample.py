@@ -1,4 +1,4 @@
-"""One frame of a corpus as bytes: the encoded picture, and the record of everything that is true of it."""
+"""One frame of a corpus as bytes: the encoded image, and the record of its truth."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -16,7 +16,6 @@ from peaksim.camera.frame import Frame, MarkerTruth
 from peaksim.camera.sensor import apply_sensor
 from peaksim.corpus.plan import FramePlan
 from peaksim.corpus.spec import PictureTable
-from peaksim.corpus.views import inside
 from peaksim.errors import InputError, RendererError
 from peaksim.geometry.pose import Pose, invert, transform
 from peaksim.image_file import read_image
@@ -28,7 +27,7 @@ KEYPOINTS = ("center", "top_left", "top_right", "bottom_right", "bottom_left")
 """The points of a marker, in the order of every table."""
 
 UNSEEN, COVERED, SEEN = 0, 1, 2
-"""Visibility of a point as COCO counts it: outside the picture, hidden behind something, seen."""
+"""Visibility of a point as COCO counts it: outside the image, hidden behind something, seen."""
 
 Record = dict[str, Any]
 
@@ -37,14 +36,14 @@ Record = dict[str, Any]
 class Sample:
     """A finished frame."""
 
-    picture: bytes
+    image: bytes
     """PNG or JPEG."""
     record: bytes
     """One line of JSON; CORPUS.md lists its fields."""
 
 
 def render_frame(plan: FramePlan, renderer: Renderer) -> Frame:
-    """Return a plan's picture, after the sensor, and its truth."""
+    """Return a plan's image, after the sensor, and its truth."""
     seeds = plan.seed, plan.index
     frame = render(
         plan.scene, plan.camera, plan.world_from_camera, renderer, plan.time_s, samples=plan.samples, seed=seeds
@@ -52,16 +51,16 @@ def render_frame(plan: FramePlan, renderer: Renderer) -> Frame:
     return apply_sensor(frame, plan.sensor, plan.noise())
 
 
-def make_sample(plan: FramePlan, renderer: Renderer, pictures: PictureTable) -> Sample:
+def make_sample(plan: FramePlan, renderer: Renderer, settings: PictureTable) -> Sample:
     """Render a plan and return its bytes."""
     frame = render_frame(plan, renderer)
-    picture = encode(frame.image, pictures)
-    return Sample(picture, to_line(record_of(plan, frame, picture)))
+    image = encode_image(frame.image, settings)
+    return Sample(image, to_line(record_of(plan, frame, image)))
 
 
-def encode(image: NDArray[np.uint8], pictures: PictureTable) -> bytes:
-    """Return a grey or RGB picture as the bytes of a file."""
-    # noise does not compress: what is left is its Huffman code after a good filter, in a quarter of the time
+def encode_image(image: NDArray[np.uint8], settings: PictureTable) -> bytes:
+    """Return a grey or RGB image as the bytes of a file."""
+    # noise hardly compresses: run lengths after a good filter give the same size in a quarter of the time
     quick = [
         cv2.IMWRITE_PNG_COMPRESSION,
         1,
@@ -70,22 +69,22 @@ def encode(image: NDArray[np.uint8], pictures: PictureTable) -> bytes:
         cv2.IMWRITE_PNG_FILTER,
         cv2.IMWRITE_PNG_FILTER_AVG,
     ]
-    suffix, options = {"png": (".png", quick), "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, pictures.quality])}[
-        pictures.format
+    suffix, options = {"png": (".png", quick), "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, settings.quality])}[
+        settings.format
     ]
     done, content = cv2.imencode(suffix, image if image.ndim == 2 else image[:, :, ::-1], options)
     if not done:
-        raise RendererError(f"picture: could not be encoded as {pictures.format}")
+        raise RendererError(f"image: could not be encoded as {settings.format}")
     return content.tobytes()
 
 
-def decode(content: bytes, name: str) -> NDArray[np.uint8]:
-    """Return a picture file's bytes as (H, W) grey or (H, W, 3) RGB.
+def decode_image(content: bytes, name: str) -> NDArray[np.uint8]:
+    """Return an image file's bytes as (H, W) grey or (H, W, 3) RGB.
 
     Raises
     ------
     ImageError
-        That names the picture.
+        That names the image.
     """
     return np.asarray(read_image(BytesIO(content), name), dtype=np.uint8)
 
@@ -115,8 +114,8 @@ def from_line(line: bytes, name: str) -> Record:
 # --- the record -------------------------------------------------------------------------------------------------
 
 
-def record_of(plan: FramePlan, frame: Frame, picture: bytes) -> Record:
-    """Return everything that is true of a frame, as plain values."""
+def record_of(plan: FramePlan, frame: Frame, image: bytes) -> Record:
+    """Return the truth about a frame as plain values; `image` is its encoded file."""
     sequence = plan.sequence
     return {
         "frame": plan.index,
@@ -130,8 +129,8 @@ def record_of(plan: FramePlan, frame: Frame, picture: bytes) -> Record:
         "sensor": asdict(plan.sensor),
         "renderer": frame.renderer,
         "gl_renderer": frame.gl_renderer,
-        "picture_sha256": sha256(picture).hexdigest(),
-        "picture_bytes": len(picture),
+        "picture_sha256": sha256(image).hexdigest(),
+        "picture_bytes": len(image),
         "markers": _marker_values(plan.scene, plan.camera, plan.world_from_camera, frame.truth),
     }
 
@@ -143,17 +142,17 @@ def camera_values(camera: Camera) -> dict[str, Any]:
 
 
 def _marker_values(scene: Scene, camera: Camera, pose: Pose, truth: tuple[MarkerTruth, ...]) -> list[dict[str, Any]]:
-    """Return the markers that face the camera with anything visible, or with their centre in the picture."""
-    places = {mark.name: (number, quad, mark) for number, quad in enumerate(scene.quads) for mark in quad.marks}
+    """Return the markers that face the camera with anything visible, or with their centre in the image."""
+    printed = {mark.name: (number, quad, mark) for number, quad in enumerate(scene.quads) for mark in quad.marks}
     listed = [marker for marker in truth if _is_listed(camera, marker)]
-    world = [_world_points(*places[marker.name][1:]) for marker in listed]
-    owners = [places[marker.name][0] for marker in listed]
+    world = [_world_points(*printed[marker.name][1:]) for marker in listed]
+    owners = [printed[marker.name][0] for marker in listed]
     states = point_states(scene, camera, pose, np.array(world).reshape(-1, 5, 3), owners)
     return [
         {
             "name": marker.name,
             "kind": marker.kind,
-            "side_m": places[marker.name][2].side_m,
+            "side_m": printed[marker.name][2].side_m,
             "points_xy": [_plain(marker.center_xy), *map(_plain, marker.corners_xy)],
             "points_seen": [int(state) for state in states[i]],
             "points_world_m": _rows(world[i]),
@@ -167,7 +166,7 @@ def _marker_values(scene: Scene, camera: Camera, pose: Pose, truth: tuple[Marker
 
 
 def _is_listed(camera: Camera, marker: MarkerTruth) -> bool:
-    in_picture = bool(inside(camera, marker.center_xy[None])[0])
+    in_picture = bool(camera.contains(marker.center_xy[None])[0])
     return marker.visible_fraction > 0 or (in_picture and marker.tilt_deg < 90)
 
 
@@ -182,12 +181,12 @@ def point_states(
 ) -> NDArray[np.int64]:
     """Return (n, 5) states UNSEEN, COVERED or SEEN of (n, 5, 3) world points on the quads of index `owners`.
 
-    Corners are asked a thousandth of the side inside the pattern, where a ray meets their own quad for certain.
+    Corners are tested a thousandth of the side inside the pattern, where a ray is certain to meet their own quad.
     """
     if len(points_m) == 0:
         return np.zeros((0, 5), dtype=np.int64)
     xy = camera.project(transform(invert(pose), points_m.reshape(-1, 3)))
-    in_picture = inside(camera, xy)
+    in_picture = camera.contains(xy)
     drawn_in = points_m + 1e-3 * (points_m[:, :1] - points_m)
     first, _ = first_faces(solids_of(scene, quads=True), pose[:3, 3], drawn_in.reshape(-1, 3) - pose[:3, 3])
     seen = first == np.repeat(owners, points_m.shape[1])

@@ -1,4 +1,4 @@
-"""WebDataset shards: tar files with NAME.png and NAME.json for each frame, of the same bytes whenever they are made."""
+"""WebDataset shards: tar files with NAME.png and NAME.json for each frame, always of the same bytes."""
 
 import tarfile
 from collections.abc import Iterator
@@ -28,13 +28,13 @@ class Shard:
 
 @contextmanager
 def shard_in(file: Writing) -> Iterator[Shard]:
-    """Give a shard that is closed when the block ends well."""
+    """Yield a shard that is closed when the block ends without an exception."""
     shard = Shard(file)
     yield shard
     shard.close()
 
 
-def members(content: bytes) -> dict[str, bytes]:
+def read_members(content: bytes) -> dict[str, bytes]:
     """Return the members of a shard by name, in order."""
     with tarfile.TarFile(fileobj=BytesIO(content), mode="r") as tar:
         return {info.name: tar.extractfile(info).read() for info in tar if info.isfile()}  # type: ignore[union-attr]

@@ -11,7 +11,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from peaksim.camera.sensor import Sensor
 from peaksim.corpus.spread import Angle, AnySpread, Count, Factor, Length, Level, Share, Spread
 from peaksim.errors import InputError, SceneError
-from peaksim.scene.schema import Name, NotNegative, Positive, Table
+from peaksim.scene.schema import Name, NotNegative, Positive, StrictTable
 from peaksim.toml_file import parse_toml, validate
 from peaksim.traced import MOST_SAMPLES
 
@@ -22,20 +22,20 @@ Size = Annotated[int, Field(ge=1, le=20_000)]
 Weight = NotNegative
 
 
-def spread(value: Any) -> Any:
+def spread_field(value: Any) -> Any:
     """Return a field whose default is a spread."""
     return Field(default_factory=lambda: Spread.model_validate(value))
 
 
-class PictureTable(Table):
-    """`[pictures]`: how pictures are written."""
+class PictureTable(StrictTable):
+    """`[pictures]`: how images are encoded."""
 
     format: Literal["png", "jpeg"] = "png"
     quality: Annotated[int, Field(ge=1, le=100)] = 95
 
 
-class StoreTable(Table):
-    """`[store]`: which files hold them."""
+class StoreTable(StrictTable):
+    """`[store]`: which files hold images and records."""
 
     files: bool = True
     shards: bool = True
@@ -53,14 +53,14 @@ class StoreTable(Table):
         return self
 
 
-class SceneChoice(Table):
+class SceneChoice(StrictTable):
     """`[[scenes]]`: one scene file of several."""
 
     file: str
     weight: Weight = 1.0
 
 
-class CameraChoice(Table):
+class CameraChoice(StrictTable):
     """`[[cameras]]`: one camera, or `count` of them drawn from the spreads."""
 
     name: Name
@@ -76,27 +76,27 @@ class CameraChoice(Table):
     model: Literal["brown", "fisheye"] = "brown"
 
 
-class RandomView(Table):
+class RandomView(StrictTable):
     """`[[views]]` of kind "random": the camera anywhere in a box, looking at any point of another."""
 
     kind: Literal["random"]
     weight: Weight = 1.0
     eye_m: tuple[AnySpread, AnySpread, AnySpread]
     target_m: tuple[AnySpread, AnySpread, AnySpread]
-    roll_deg: Angle = spread(0)
+    roll_deg: Angle = spread_field(0)
     min_markers: Annotated[int, Field(ge=0, le=1000)] = 0
 
 
-class MarkerView(Table):
+class MarkerView(StrictTable):
     """`[[views]]` of kind "marker": around a marker that is drawn for each frame."""
 
     kind: Literal["marker"]
     weight: Weight = 1.0
     distance_m: Length
-    tilt_deg: Angle = spread((0, 60))
-    azimuth_deg: Angle = spread((0, 360))
-    roll_deg: Angle = spread((-180, 180))
-    off_axis: Share = spread((0, 0.5))
+    tilt_deg: Angle = spread_field((0, 60))
+    azimuth_deg: Angle = spread_field((0, 360))
+    roll_deg: Angle = spread_field((-180, 180))
+    off_axis: Share = spread_field((0, 0.5))
     min_markers: Annotated[int, Field(ge=0, le=1000)] = 1
 
     @model_validator(mode="after")
@@ -107,28 +107,28 @@ class MarkerView(Table):
         return self
 
 
-class FlightView(Table):
+class FlightView(StrictTable):
     """`[[views]]` of kind "flight": along the scene's trajectory or a file's, in even steps of time."""
 
     kind: Literal["flight"]
     weight: Weight = 1.0
     file: str | None = None
-    shift_m: AnySpread = spread(0)
-    shake_deg: Angle = spread(0)
+    shift_m: AnySpread = spread_field(0)
+    shake_deg: Angle = spread_field(0)
     min_markers: Literal[0] = 0
 
 
-View = Annotated[RandomView | MarkerView | FlightView, Field(discriminator="kind")]
+AnyView = Annotated[RandomView | MarkerView | FlightView, Field(discriminator="kind")]
 
 
-class MarkerSpread(Table):
+class MarkerSpread(StrictTable):
     """`[markers]`: how the scene's markers change from sequence to sequence."""
 
     kinds: tuple[Name, ...] = ()
-    keep: Share = spread(1)
-    side_factor: Factor = spread(1)
-    shift_m: AnySpread = spread(0)
-    turn_deg: Angle = spread(0)
+    keep: Share = spread_field(1)
+    side_factor: Factor = spread_field(1)
+    shift_m: AnySpread = spread_field(0)
+    turn_deg: Angle = spread_field(0)
 
     @model_validator(mode="after")
     def _has_size(self) -> Self:
@@ -137,17 +137,17 @@ class MarkerSpread(Table):
         return self
 
 
-class ClutterSpread(Table):
-    """`[clutter]`: things that are no markers, on the room's floor."""
+class ClutterSpread(StrictTable):
+    """`[clutter]`: objects that are not markers, on the room's floor."""
 
-    papers: Count = spread(0)
-    paper_m: Length = spread((0.05, 0.3))
-    boxes: Count = spread(0)
-    box_m: Length = spread((0.1, 0.5))
-    level: Level = spread((60, 200))
+    papers: Count = spread_field(0)
+    paper_m: Length = spread_field((0.05, 0.3))
+    boxes: Count = spread_field(0)
+    box_m: Length = spread_field((0.1, 0.5))
+    level: Level = spread_field((60, 200))
 
 
-class TextureSpread(Table):
+class TextureSpread(StrictTable):
     """`[textures.NAME]`: how a scene's texture changes from sequence to sequence; unset fields stay the scene's."""
 
     variants: tuple[Name, ...] = ()
@@ -155,14 +155,14 @@ class TextureSpread(Table):
     mean: Level | None = None
 
 
-class LightSpread(Table):
-    """`[light]`: replaces the scene's lights; the multipliers of `peaksim.scene.Light`."""
+class LightSpread(StrictTable):
+    """`[light]`: replaces the scene's lights; the multipliers of `peaksim.Light`."""
 
     per: Literal["frame", "sequence"] = "frame"
     ambient: Factor
-    directional: Factor = spread(0)
-    elevation_deg: Angle = spread((30, 90))
-    azimuth_deg: Angle = spread((0, 360))
+    directional: Factor = spread_field(0)
+    elevation_deg: Angle = spread_field((30, 90))
+    azimuth_deg: Angle = spread_field((0, 360))
     shadows: bool = True
 
     @model_validator(mode="after")
@@ -173,7 +173,7 @@ class LightSpread(Table):
         return self
 
 
-class SensorSpread(Table):
+class SensorSpread(StrictTable):
     """`[sensor]`: fields of `peaksim.camera.sensor.Sensor`; unset fields stay the scene's."""
 
     per: Literal["frame", "sequence"] = "frame"
@@ -211,7 +211,7 @@ def sensor_value(name: str, value: float) -> int | float:
     return int(value) if name in ("bits", "jpeg_quality") else value
 
 
-class CorpusSpec(Table):
+class CorpusSpec(StrictTable):
     """The whole file."""
 
     name: Name
@@ -225,7 +225,7 @@ class CorpusSpec(Table):
     store: StoreTable = StoreTable()
     scenes: Annotated[tuple[SceneChoice, ...], Field(min_length=1)]
     cameras: tuple[CameraChoice, ...] = ()
-    views: Annotated[tuple[View, ...], Field(min_length=1)]
+    views: Annotated[tuple[AnyView, ...], Field(min_length=1)]
     markers: MarkerSpread = MarkerSpread()
     clutter: ClutterSpread = ClutterSpread()
     textures: dict[Name, TextureSpread] = Field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Spreads: how a number of a corpus varies, as a file states it and as one uniform number picks it.
+"""Spreads: how a number of a corpus varies, as a file states it, and its value for a uniform number.
 
 In a file a spread is a number (always the same), a pair `[low, high]` (uniform), or one of the tables
 `{ uniform = [low, high] }`, `{ log_uniform = [low, high] }`, `{ integers = [low, high] }` (both included),
@@ -11,14 +11,14 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from peaksim.scene.schema import NotNegative, Number, Table
+from peaksim.scene.schema import NotNegative, Number, StrictTable
 
 Pair = tuple[Number, Number]
 
 _FORMS = ("uniform", "log_uniform", "integers", "normal", "choice")
 
 
-class Spread(Table):
+class Spread(StrictTable):
     """One number's distribution; `at` picks from it."""
 
     uniform: Pair | None = None
@@ -75,7 +75,7 @@ class Spread(Table):
         """Return the value below which a `share` (0…1) of all values lies."""
         low, high = self.limits
         if self.choice is not None:
-            return float(self.choice[pick(share, self.weights or (1.0,) * len(self.choice))])
+            return float(self.choice[pick_index(share, self.weights or (1.0,) * len(self.choice))])
         if self.integers is not None:
             return float(min(low + np.floor(share * (high - low + 1)), high))
         if self.log_uniform is not None:
@@ -84,13 +84,8 @@ class Spread(Table):
             return _truncated_normal(share, *self.normal, low, high)
         return float(np.clip(low + share * (high - low), low, high))
 
-    def plain(self) -> Any:
-        """Return the spread as the file states it, for JSON."""
-        stated = self.model_dump(mode="json", exclude_none=True)
-        return stated["choice"][0] if list(stated) == ["choice"] and len(stated["choice"]) == 1 else stated
 
-
-def pick(share: float, weights: tuple[float, ...]) -> int:
+def pick_index(share: float, weights: tuple[float, ...]) -> int:
     """Return the index whose part of the summed weights holds a `share` (0…1) of the whole."""
     edges = np.cumsum(weights)
     return int(min(np.searchsorted(edges, share * edges[-1], side="right"), len(weights) - 1))
@@ -143,4 +138,4 @@ Factor = Annotated[Spread, AfterValidator(_within(0, 100))]
 Level = Annotated[Spread, AfterValidator(_within(0, 255))]
 """A grey level."""
 Count = Annotated[Spread, AfterValidator(_within(0, 10_000, whole=True))]
-"""A whole number of things."""
+"""A whole number of objects."""

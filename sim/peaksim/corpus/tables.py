@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from peaksim.camera.sensor import Sensor
-from peaksim.corpus.layout import picture_name, shard_name
+from peaksim.corpus.layout import image_name, shard_name
 from peaksim.corpus.sample import KEYPOINTS, Record
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
@@ -21,7 +21,7 @@ _ROW_GROUP = 20_000  # rows that are held in memory
 
 @contextmanager
 def parquet_writer(file: Writing, columns: dict[str, str]) -> Iterator[Callable[[Row], None]]:
-    """Give a function that adds a row to a Parquet file; `columns` gives each one's Arrow type, such as "int64"."""
+    """Yield a function that adds a row to a Parquet file; `columns` gives each one's Arrow type, such as "int64"."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -70,7 +70,7 @@ def frame_row(spec: CorpusSpec, record: Record) -> Row:
     lights = {light["kind"]: light.get("intensity") for light in record["lights"]}
     return {
         **{name: record[name] for name in ("frame", "sequence", "scene", "view", "time_s", "renderer", "gl_renderer")},
-        "picture": picture_name(spec, record["frame"]),
+        "picture": image_name(spec, record["frame"]),
         "shard": shard_name(record["frame"] // spec.store.shard_frames),
         "picture_sha256": record["picture_sha256"],
         "camera": camera["name"],

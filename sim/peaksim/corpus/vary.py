@@ -7,19 +7,19 @@ from peaksim.corpus.draws import Draws
 from peaksim.corpus.spec import ClutterSpread, CorpusSpec, MarkerSpread, TextureSpread
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rotation_about
-from peaksim.scene.build import facing, path_poses
+from peaksim.scene.build import path_poses, quad_pose
 from peaksim.scene.schema import BoxTable, MarkerTable, QuadTable, RoomTable, SceneTable, TextureTable
 
-_GAP_M = 0.001  # between things that lie on each other
+_GAP_M = 0.001  # between surfaces that lie on each other
 
 
-def varied(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
+def vary_scene(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
     """Return a scene's tables as one sequence of a corpus has them.
 
     Raises
     ------
     SceneError
-        If the specification asks for something that the scene does not have, such as clutter without a room.
+        If the specification needs something that the scene does not have, such as clutter without a room.
     """
     textures = {
         name: _varied_texture(texture, spec.textures[name], draws, name) if name in spec.textures else texture
@@ -105,12 +105,12 @@ def markers_needed(spec: CorpusSpec) -> int:
 
 
 def _varied_marker(marker: MarkerTable, spread: MarkerSpread, draws: Draws) -> MarkerTable:
-    """Return a marker moved and turned in its plane, scaled, and of another kind."""
+    """Return a marker moved and rotated in its plane, scaled, and of another kind."""
 
     def value(field: str, axis: str = "") -> float:
         return draws.value(f"markers.{field}.{marker.name}{axis}", getattr(spread, field))
 
-    pose: Pose = facing(marker.normal, marker.up, marker.center_m, f"markers.{marker.name}")
+    pose: Pose = quad_pose(marker.normal, marker.up, marker.center_m, f"markers.{marker.name}")
     shift = pose[:3, :2] @ np.array([value("shift_m", ".x"), value("shift_m", ".y")])
     up = pose[:3, :3] @ rotation_about("z", value("turn_deg"))[:, 1]
     factor = value("side_factor")
@@ -151,11 +151,11 @@ def _with_clutter(table: SceneTable, spread: ClutterSpread, draws: Draws) -> Sce
 
 
 def _paper(i: int, photographs: tuple[str, ...], room: RoomTable, spread: ClutterSpread, draws: Draws) -> QuadTable:
-    """Return a sheet on the floor, plain or with a photograph; each lies a little higher than the last."""
+    """Return a sheet on the floor, plain or with a photograph; each lies a little above the last one."""
     name = f"clutter paper {i}"
     choices = (name, *photographs)
     angle = np.radians(360 * draws.share(f"{name}.turn"))
-    x, y = _place(room, draws, name)
+    x, y = _floor_point(room, draws, name)
     return QuadTable(
         name=name,
         texture=choices[draws.index(f"{name}.texture", (1.0,) * len(choices))],
@@ -169,7 +169,7 @@ def _paper(i: int, photographs: tuple[str, ...], room: RoomTable, spread: Clutte
 def _box(i: int, room: RoomTable, spread: ClutterSpread, draws: Draws) -> BoxTable:
     name = f"clutter box {i}"
     width, depth, height = (draws.value(f"{name}.{axis}", spread.box_m) for axis in "xyz")
-    x, y = _place(room, draws, name)
+    x, y = _floor_point(room, draws, name)
     return BoxTable(
         name=name,
         size_m=(width, depth, height),
@@ -179,7 +179,7 @@ def _box(i: int, room: RoomTable, spread: ClutterSpread, draws: Draws) -> BoxTab
     )
 
 
-def _place(room: RoomTable, draws: Draws, name: str) -> tuple[float, float]:
+def _floor_point(room: RoomTable, draws: Draws, name: str) -> tuple[float, float]:
     """Return a point of the room's floor."""
     x, y = (
         low + draws.share(f"{name}.{axis}") * (high - low)

@@ -1,14 +1,13 @@
-"""Where the camera is: one pose a frame, from the three kinds of views."""
+"""The pose of the camera in each frame, from the three kinds of views."""
 
 from collections.abc import Iterator
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
 from peaksim.camera.camera import Camera, Points
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import FlightView, MarkerView, RandomView, View
+from peaksim.corpus.spec import AnyView, FlightView, MarkerView, RandomView
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, invert, look_at, rotation_about, transform
 from peaksim.geometry.trajectory import Trajectory
@@ -24,11 +23,11 @@ def random_view(view: RandomView, draws: Draws) -> Pose:
         [draws.value(f"view.{name}.{axis}", spread) for axis, spread in zip("xyz", box, strict=True)]
         for name, box in (("eye", view.eye_m), ("target", view.target_m))
     )
-    return rolled(look_at(eye, target), draws.value("view.roll_deg", view.roll_deg))
+    return roll_camera(look_at(eye, target), draws.value("view.roll_deg", view.roll_deg))
 
 
 def marker_view(view: MarkerView, scene: Scene, camera: Camera, draws: Draws) -> Pose:
-    """Return a pose from which one of the scene's markers is seen as the view asks.
+    """Return a pose that shows one of the scene's markers as the view states.
 
     Raises
     ------
@@ -47,13 +46,18 @@ def marker_view(view: MarkerView, scene: Scene, camera: Camera, draws: Draws) ->
     center = transform(quad.world_from_quad, [*mark.center_m, 0.0])
     eye = center + draws.value("view.distance_m", view.distance_m) * (quad.world_from_quad[:3, :3] @ out)
     up = quad.world_from_quad[:3, 1 if tilt < np.radians(1) else 2]
-    squarely = rolled(look_at(eye, center, up), draws.value("view.roll_deg", view.roll_deg))
-    return _aimed(squarely, camera, draws.value("view.off_axis", view.off_axis), draws.share("view.off_axis.turn"))
+    head_on = roll_camera(look_at(eye, center, up), draws.value("view.roll_deg", view.roll_deg))
+    return _aim_off_axis(
+        head_on, camera, draws.value("view.off_axis", view.off_axis), draws.share("view.off_axis.turn")
+    )
 
 
-def _aimed(pose: Pose, camera: Camera, off_axis: float, turn: float) -> Pose:
-    """Turn a camera so that what was on its axis appears `off_axis` of the way to the border, in direction `turn`."""
-    angle = 2 * np.pi * turn
+def _aim_off_axis(pose: Pose, camera: Camera, off_axis: float, direction: float) -> Pose:
+    """Rotate a camera so that its axis projects to a share `off_axis` from the centre to the border.
+
+    `direction` is a share of a full circle, clockwise from the right.
+    """
+    angle = 2 * np.pi * direction
     reach = off_axis * np.array([camera.width, camera.height]) / 2
     pixel = np.array([camera.width - 1, camera.height - 1]) / 2 + reach * [np.cos(angle), np.sin(angle)]
     ray = camera.unproject(pixel)[0]
@@ -67,18 +71,18 @@ def _aimed(pose: Pose, camera: Camera, off_axis: float, turn: float) -> Pose:
 
 
 def flight_view(view: FlightView, trajectory: Trajectory, position: float, draws: Draws) -> tuple[Pose, float]:
-    """Return the pose at a `position` of the way in time (0…1), shaken, and its time in seconds."""
+    """Return the pose at a share `position` (0…1) of the trajectory's time, shaken, and its time in seconds."""
     time_s = float(trajectory.times_s[0] + position * trajectory.duration_s)
     pose = trajectory.at(time_s)
     shift = [draws.value(f"view.shift_m.{axis}", view.shift_m) for axis in "xyz"]
     for axis in "xyz":
-        turn = rotation_about(axis, draws.value(f"view.shake_deg.{axis}", view.shake_deg))
-        pose = compose(pose[:3, :3] @ turn, pose[:3, 3])
+        rotation = rotation_about(axis, draws.value(f"view.shake_deg.{axis}", view.shake_deg))
+        pose = compose(pose[:3, :3] @ rotation, pose[:3, 3])
     return compose(pose[:3, :3], pose[:3, 3] + shift), time_s
 
 
 def view_pose(
-    view: View, scene: Scene, camera: Camera, trajectory: Trajectory, position: float, draws: Draws
+    view: AnyView, scene: Scene, camera: Camera, trajectory: Trajectory, position: float, draws: Draws
 ) -> tuple[Pose, float]:
     """Return a view's pose and time; the time of a still view is 0.
 
@@ -96,12 +100,12 @@ def view_pose(
     assert_never(view)
 
 
-def rolled(pose: Pose, roll_deg: float) -> Pose:
-    """Turn a camera about its viewing axis."""
+def roll_camera(pose: Pose, roll_deg: float) -> Pose:
+    """Rotate a camera about its viewing axis."""
     return compose(pose[:3, :3] @ rotation_about("z", roll_deg), pose[:3, 3])
 
 
-# --- what a view must fulfil --------------------------------------------------------------------------------
+# --- requirements of a view --------------------------------------------------------------------------------
 
 
 def marks_of(scene: Scene) -> Iterator[tuple[Quad, Mark]]:
@@ -110,7 +114,7 @@ def marks_of(scene: Scene) -> Iterator[tuple[Quad, Mark]]:
 
 
 def markers_ahead(scene: Scene, camera: Camera, pose: Pose) -> int:
-    """Count the markers that face the camera with their centre in the picture, covered or not."""
+    """Count the markers that face the camera with their centre in the image, covered or not."""
     marks = list(marks_of(scene))
     if not marks:
         return 0
@@ -118,12 +122,7 @@ def markers_ahead(scene: Scene, camera: Camera, pose: Pose) -> int:
     normals = np.array([quad.world_from_quad[:3, 2] for quad, _ in marks])
     faces_us = ((pose[:3, 3] - centers) * normals).sum(axis=1) > 0
     xy = camera.project(transform(invert(pose), centers))
-    return int((faces_us & inside(camera, xy)).sum())
-
-
-def inside(camera: Camera, xy: Points) -> NDArray[np.bool_]:
-    """Return which of (n, 2) points, px, are in the picture; nan is not."""
-    return np.asarray(((xy >= -0.5) & (xy <= [camera.width - 0.5, camera.height - 0.5])).all(axis=1))
+    return int((faces_us & camera.contains(xy)).sum())
 
 
 def is_free(meshes: tuple[Mesh, ...], room: tuple[Points, Points] | None, pose: Pose) -> bool:

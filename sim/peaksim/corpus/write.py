@@ -1,7 +1,7 @@
 """The two kinds of work that make a corpus: rendering a shard of frames, and making the tables of a part.
 
 Both are functions of plain strings and a number, so that any process anywhere can do them; both write their check
-sums last, so that what is finished can be told from what lies there.
+sums last, so that finished shards and parts can be told from unfinished ones.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from peaksim.corpus.part import part_tables
 from peaksim.corpus.plan import plan_frame
 from peaksim.corpus.sample import Record, Sample, from_line, make_sample
 from peaksim.corpus.shard import Shard, shard_in
-from peaksim.corpus.store.base import Store, Writing, write
+from peaksim.corpus.store.base import Store, Writing, write_file
 from peaksim.corpus.store.opening import open_store
 from peaksim.errors import InputError, RendererError
 
@@ -38,7 +38,7 @@ class Job:
 
 
 class Sums:
-    """Writes files and keeps their check sums, in the order of writing."""
+    """Writes files and collects their check sums, in the order of writing."""
 
     def __init__(self, store: Store) -> None:
         self.store = store
@@ -46,14 +46,14 @@ class Sums:
 
     @contextmanager
     def create(self, name: str) -> Iterator[Writing]:
-        """Give a file to write, and note its check sum when it is finished."""
+        """Yield a file to write, and note its check sum when it is finished."""
         with self.store.create(name) as file:
             yield file
         self.note(name, file.sha256)
 
     def write(self, name: str, content: bytes) -> None:
         """Write a whole file."""
-        self.note(name, write(self.store, name, content))
+        self.note(name, write_file(self.store, name, content))
 
     def note(self, name: str, digest: str) -> None:
         """Note a file that is already there."""
@@ -61,7 +61,7 @@ class Sums:
 
     def seal(self, name: str) -> None:
         """Write the sums as a file that `sha256sum --check` reads."""
-        write(self.store, name, "".join(self._lines).encode())
+        write_file(self.store, name, "".join(self._lines).encode())
 
 
 @lru_cache(maxsize=4)
@@ -92,7 +92,7 @@ def open_job(job: Job) -> tuple[Store, Configuration]:
 def write_shard(job: Job, shard: int) -> tuple[int, int]:
     """Render a shard's missing frames and write its files; return its number and how many frames were rendered.
 
-    Doing it again, also at the same time elsewhere, writes the same bytes.
+    Repeating it, also at the same time elsewhere, writes the same bytes.
     """
     with _ONE_AT_A_TIME:
         store, configuration = open_job(job)
@@ -111,23 +111,23 @@ def _write_shard(store: Store, configuration: Configuration, folder: Path, shard
             archive = stack.enter_context(shard_in(stack.enter_context(sums.create(layout.shard_name(shard)))))
         records = stack.enter_context(sums.create(layout.records_name(shard)))
         for index in layout.shard_frames(spec, shard):
-            sample = finished(store, configuration, index, there)
+            sample = read_finished(store, configuration, index, there)
             if sample is None:
                 sample, rendered = _render(configuration, folder, index), rendered + 1
                 if spec.store.files:
                     _write_files(store, configuration, index, sample)
             if spec.store.files:
-                sums.note(layout.picture_name(spec, index), sha256(sample.picture).hexdigest())
+                sums.note(layout.image_name(spec, index), sha256(sample.image).hexdigest())
                 sums.note(layout.record_name(spec, index), sha256(sample.record).hexdigest())
             records.write(sample.record)
             if archive is not None:
-                archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.picture)
+                archive.add(f"{layout.frame_key(index)}.{layout.SUFFIXES[spec.pictures.format]}", sample.image)
                 archive.add(f"{layout.frame_key(index)}.json", sample.record)
     if spec.store.files:
         store.settle(
             name
             for index in layout.shard_frames(spec, shard)
-            for name in (layout.picture_name(spec, index), layout.record_name(spec, index))
+            for name in (layout.image_name(spec, index), layout.record_name(spec, index))
         )
     sums.seal(layout.shard_sums_name(shard))
     return rendered
@@ -146,14 +146,14 @@ def _render(configuration: Configuration, folder: Path, index: int) -> Sample:
 
 
 def _write_files(store: Store, configuration: Configuration, index: int, sample: Sample) -> None:
-    """Write the picture, then the record that vouches for it; what a loss of power tears does not fit together."""
-    write(store, layout.picture_name(configuration.spec, index), sample.picture, lasting=False)
-    write(store, layout.record_name(configuration.spec, index), sample.record, lasting=False)
+    """Write the image, then the record that vouches for it; files torn by a loss of power do not match."""
+    write_file(store, layout.image_name(configuration.spec, index), sample.image, lasting=False)
+    write_file(store, layout.record_name(configuration.spec, index), sample.record, lasting=False)
 
 
-def finished(store: Store, configuration: Configuration, index: int, there: set[str]) -> Sample | None:
+def read_finished(store: Store, configuration: Configuration, index: int, there: set[str]) -> Sample | None:
     """Return a frame that an earlier run has written, None if it is missing or damaged."""
-    names = layout.picture_name(configuration.spec, index), layout.record_name(configuration.spec, index)
+    names = layout.image_name(configuration.spec, index), layout.record_name(configuration.spec, index)
     if not there.issuperset(names):
         return None
     sample = Sample(store.read(names[0]), store.read(names[1]))
@@ -161,7 +161,7 @@ def finished(store: Store, configuration: Configuration, index: int, there: set[
         record = from_line(sample.record, names[1])
     except InputError:
         return None
-    intact = sha256(sample.picture).hexdigest() == record.get("picture_sha256") and sample.record.endswith(b"\n")
+    intact = sha256(sample.image).hexdigest() == record.get("picture_sha256") and sample.record.endswith(b"\n")
     return sample if intact else None
 
 

@@ -12,6 +12,7 @@ from peaksim.errors import SceneError
 Pose = NDArray[np.float64]
 
 _RIGID_TOLERANCE = 1e-6
+"""Largest error of RᵀR − I: double precision leaves 10⁻¹⁵, rotations stored in single precision 10⁻⁷."""
 
 
 def rigid(pose: ArrayLike, name: str = "pose") -> Pose:
@@ -51,7 +52,7 @@ def invert(pose: Pose) -> Pose:
 
 
 def transform(pose: Pose, points: ArrayLike) -> NDArray[np.float64]:
-    """Map (..., 3) points by a 4×4 transform."""
+    """Return (..., 3) points mapped by a 4×4 transform."""
     return np.asarray(np.asarray(points, dtype=np.float64) @ pose[:3, :3].T + pose[:3, 3])
 
 
@@ -89,13 +90,20 @@ def rotation_about(axis: str, angle_deg: float) -> NDArray[np.float64]:
     return rotation
 
 
+def pose_distance(a: Pose, b: Pose) -> tuple[float, float]:
+    """Return how far pose `b` is from pose `a`: the distance of their origins, metres, and their angle, degrees."""
+    b_in_a = invert(a) @ b
+    angle_deg = np.degrees(Rotation.from_matrix(b_in_a[:3, :3]).magnitude())
+    return float(np.linalg.norm(b_in_a[:3, 3])), float(angle_deg)
+
+
 def interpolate(start: Pose, end: Pose, fraction: ArrayLike) -> NDArray[np.float64]:
-    """Return the (..., 4, 4) poses at fractions (...), 0…1, of the way: slerp in rotation, straight in position."""
+    """Return the (..., 4, 4) poses at fractions (...), 0…1: slerp in rotation, linear in position."""
     shares = np.asarray(fraction, dtype=np.float64)[..., None]
     relative = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
-    turns = Rotation.from_rotvec((shares * relative).reshape(-1, 3)).as_matrix().reshape(*shares.shape[:-1], 3, 3)
+    rotations = Rotation.from_rotvec((shares * relative).reshape(-1, 3)).as_matrix().reshape(*shares.shape[:-1], 3, 3)
     poses = np.zeros((*shares.shape[:-1], 4, 4))
-    poses[..., :3, :3] = start[:3, :3] @ turns
+    poses[..., :3, :3] = start[:3, :3] @ rotations
     poses[..., :3, 3] = (1 - shares) * start[:3, 3] + shares * end[:3, 3]
     poses[..., 3, 3] = 1
     return poses

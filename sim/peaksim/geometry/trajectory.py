@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from peaksim.errors import SceneError
-from peaksim.geometry.pose import Pose, compose, interpolate, look_at, rigid
+from peaksim.geometry.pose import Pose, compose, interpolate, rigid
 
-_UNIT_TOLERANCE = 1e-3  # of quaternions: files carry few decimals
+_UNIT_TOLERANCE = 1e-3  # of quaternions: files have few decimals
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,50 +76,10 @@ class Trajectory:
         count = int(np.floor(self.duration_s * frames_per_second + 1e-9)) + 1
         return np.asarray(self.times_s[0] + np.arange(count) / frames_per_second)
 
-    def speeds_m_s(self, times_s: ArrayLike) -> NDArray[np.float64]:
-        """Return the camera's speed at each time, metres a second."""
-        return np.asarray(np.linalg.norm(self._motions(times_s)[0], axis=1))
-
-    def angular_rates_deg_s(self, times_s: ArrayLike) -> NDArray[np.float64]:
-        """Return the camera's angular rate at each time, degrees a second."""
-        return np.asarray(np.degrees(np.linalg.norm(self._motions(times_s)[1], axis=1)))
-
-    def check_limits(self, speed_m_s: float = np.inf, angular_rate_deg_s: float = np.inf, samples: int = 1000) -> None:
-        """Refuse a trajectory that moves faster than allowed, at `samples` even times.
-
-        Raises
-        ------
-        SceneError
-            That names the time, the limit and the value.
-        """
-        times = np.linspace(self.times_s[0], self.times_s[-1], samples)
-        for values, limit, unit in (
-            (self.speeds_m_s(times), speed_m_s, "m/s"),
-            (self.angular_rates_deg_s(times), angular_rate_deg_s, "°/s"),
-        ):
-            worst = int(np.argmax(values))
-            if values[worst] > limit:
-                raise SceneError(
-                    f"trajectory: expected at most {limit:g} {unit}, "
-                    f"got {values[worst]:.3g} {unit} at {times[worst]:.3g} s"
-                )
-
     @cached_property
     def _splines(self) -> tuple[Any, Any]:
         rotations = Rotation.from_matrix(self.world_from_camera[:, :3, :3])
         return CubicSpline(self.times_s, self.world_from_camera[:, :3, 3]), RotationSpline(self.times_s, rotations)
-
-    def _motions(self, times_s: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return (n, 3) velocities, m/s, and rotation rates, rad/s, by central differences inside the trajectory."""
-        times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
-        if len(self) == 1:
-            return np.zeros((len(times), 3)), np.zeros((len(times), 3))
-        step = 1e-4 * self.duration_s
-        starts, ends = np.clip([times - step, times + step], self.times_s[0], self.times_s[-1])
-        before, after = self.poses_at(starts), self.poses_at(ends)
-        turns = Rotation.from_matrix(np.swapaxes(before[:, :3, :3], 1, 2) @ after[:, :3, :3]).as_rotvec()
-        spans = (ends - starts)[:, None]
-        return (after[:, :3, 3] - before[:, :3, 3]) / spans, turns / spans
 
 
 def _fault(times: NDArray[np.float64]) -> str:
@@ -129,44 +89,13 @@ def _fault(times: NDArray[np.float64]) -> str:
     return f"{times[i]:.9g} followed by {times[i + 1]:.9g}"
 
 
-def line(start: Pose, end: Pose, duration_s: float) -> Trajectory:
-    """Return a straight way between two poses at constant speed and turning rate."""
-    return Trajectory(np.array([0.0, duration_s]), np.stack([start, end]))
-
-
-def orbit(
-    center_m: ArrayLike, radius_m: float, height_m: float, duration_s: float, turn_deg: float = 360.0, steps: int = 36
-) -> Trajectory:
-    """Return a way around a vertical axis, looking at its centre.
-
-    Parameters
-    ----------
-    center_m
-        (3,) point that stays in the middle of the picture, world.
-    radius_m, height_m
-        Horizontal distance from the axis, and height above the centre; the radius is positive.
-    duration_s
-        Time for the whole way.
-    turn_deg
-        Angle of the way, counter-clockwise seen from above; starts on the +x side.
-    steps
-        Waypoints − 1; the spline through 36 of a full turn stays within 4·10⁻⁵ of the circle.
-    """
-    center = np.asarray(center_m, dtype=np.float64)
-    if not radius_m > 0:
-        raise SceneError(f"orbit: radius_m: expected a positive number, got {radius_m}")
-    angles = np.radians(np.linspace(0, turn_deg, steps + 1))
-    eyes = center + np.stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.full(steps + 1, height_m)], 1)
-    return Trajectory(np.linspace(0, duration_s, steps + 1), np.stack([look_at(eye, center) for eye in eyes]))
-
-
 def from_quaternions(times_s: ArrayLike, positions_m: ArrayLike, quaternions_xyzw: ArrayLike) -> Trajectory:
     """Return a trajectory of (n,) times, (n, 3) positions and (n, 4) unit quaternions (x, y, z, w).
 
     Raises
     ------
     SceneError
-        If a quaternion's length is off 1 by more than 10⁻³.
+        If a quaternion's length differs from 1 by more than 10⁻³.
     """
     quaternions = np.asarray(quaternions_xyzw, dtype=np.float64).reshape(-1, 4)
     lengths = np.linalg.norm(quaternions, axis=1)

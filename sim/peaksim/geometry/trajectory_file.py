@@ -1,4 +1,4 @@
-"""Trajectory files that others read and write: TUM, EuRoC and KITTI.
+"""Trajectory files in common formats: TUM, EuRoC and KITTI.
 
 Each row is one pose `world_from_camera`:
 
@@ -18,17 +18,18 @@ from numpy.typing import NDArray
 
 from peaksim.errors import SceneError
 from peaksim.geometry.trajectory import Trajectory, from_quaternions, quaternions_xyzw
+from peaksim.whole_file import write_whole
 
 Format = Literal["tum", "euroc", "kitti"]
 
 KITTI_INTERVAL_S = 0.1
-"""Time between the rows of a KITTI file: its camera takes 10 pictures a second."""
+"""Time between the rows of a KITTI file, whose camera takes 10 images a second (Geiger et al. 2013)."""
 
 _LARGEST_FILE = 200_000_000  # bytes
 
 
 def load_trajectory(path: str | Path) -> Trajectory:
-    """Read a trajectory; the format is told by commas and the number of columns.
+    """Read a trajectory; commas and the number of columns tell the format.
 
     Raises
     ------
@@ -49,8 +50,8 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 
 def save_trajectory(trajectory: Trajectory, path: str | Path, format: Format = "tum") -> None:
-    """Write a trajectory; numbers are written in full, so that reading gives the poses back to 10⁻¹²."""
-    Path(path).write_text(to_text(trajectory, format), encoding="ascii")
+    """Write a trajectory; numbers are written in full, so that reading returns the poses to 10⁻¹²."""
+    write_whole(Path(path), to_text(trajectory, format))
 
 
 def to_text(trajectory: Trajectory, format: Format = "tum") -> str:
@@ -117,13 +118,13 @@ def _parse_kitti(rows: list[tuple[int, str]]) -> Trajectory:
 
 
 def _orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the poses with their rotations mended where files carry few decimals; worse ones stay as they are."""
+    """Return the poses with rotations made orthonormal where few decimals spoilt them; worse ones stay as they are."""
     u, _, vt = np.linalg.svd(poses[:, :3, :3])
     nearest = u @ vt
     close = np.abs(nearest - poses[:, :3, :3]).max(axis=(1, 2)) < 1e-3
-    mended = poses.copy()
-    mended[close, :3, :3] = nearest[close]
-    return mended
+    corrected = poses.copy()
+    corrected[close, :3, :3] = nearest[close]
+    return corrected
 
 
 def _write_rows(table: NDArray[np.float64], separator: str) -> str:

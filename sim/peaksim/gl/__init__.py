@@ -1,4 +1,4 @@
 """The OpenGL renderer: face numbers from pyrender, integrated by the kernels of `peaksim.area`.
 
-Nothing is imported here: OpenGL opens where it is used.
+Nothing is imported here: OpenGL is loaded where it is used.
 """

@@ -1,4 +1,4 @@
-"""OpenGL through pyrender on EGL or OSMesa: one long-lived renderer, which draws the numbers of faces.
+"""OpenGL by pyrender on EGL or OSMesa: one long-lived renderer, which draws the numbers of faces.
 
 No other module imports pyrender.
 """
@@ -6,8 +6,11 @@ No other module imports pyrender.
 import atexit
 import ctypes
 import os
+import sys
 from functools import cache, lru_cache
+from importlib import import_module
 from itertools import count
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -22,18 +25,23 @@ from peaksim.scene.scene import Scene
 
 _LINES, _TRIANGLES = 1, 4
 _DRAWINGS_OF_OSMESA = 20
-"""Its contexts keep 2 to 8 MB of each drawing, so that a new one is opened from time to time."""
+"""Contexts of OSMesa leak 2 to 8 MB a drawing, so a new one is opened after this many."""
 _drawings = count(1)
 _FAILURES = (AssertionError, RuntimeError, ctypes.ArgumentError, OSError)
 
 
 def is_available() -> bool:
     """Return whether an OpenGL context opens here."""
+    return why_not() is None
+
+
+def why_not() -> str | None:
+    """Return why no OpenGL context opens here, in one line; None where one does."""
     try:
         gl_renderer()
-    except RendererError:
-        return False
-    return True
+    except RendererError as error:
+        return " ".join(str(error).split())
+    return None
 
 
 def gl_renderer() -> str:
@@ -44,7 +52,7 @@ def gl_renderer() -> str:
     RendererError
         If no context opens.
     """
-    return _context()[1]
+    return open_context()[1]
 
 
 def draw_numbers(
@@ -62,23 +70,22 @@ def draw_numbers(
     SceneError
         If there are too many faces to number.
     """
-    import pyrender
-
+    pyrender = _pyrender()
     try:
-        renderer, drawn = _context()[0], _drawn(scene)
+        renderer, drawn = open_context()[0], _drawn(scene)
         renderer.viewport_width, renderer.viewport_height = window.columns, window.rows
         (fx, _, cx), (_, fy, cy), _ = window.samples_from_window
         # upside down, for OpenGL begins with the lowest row
         lens = pyrender.IntrinsicsCamera(fx, -fy, cx, window.rows - cy, znear=depths_m[0], zfar=depths_m[1])
-        turned = world_from_camera.copy()
-        turned[:3, :3] = world_from_camera[:3, :3] @ window.camera_from_window @ np.diag([1.0, -1.0, -1.0])
-        node = drawn.add(lens, pose=turned)
+        pose = world_from_camera.copy()
+        pose[:3, :3] = world_from_camera[:3, :3] @ window.camera_from_window @ np.diag([1.0, -1.0, -1.0])
+        node = drawn.add(lens, pose=pose)
         try:
             numbers, _ = renderer.render(drawn, flags=pyrender.RenderFlags.FLAT)
         finally:
             drawn.remove_node(node)
         if os.environ["PYOPENGL_PLATFORM"] == "osmesa" and next(_drawings) % _DRAWINGS_OF_OSMESA == 0:
-            _close()
+            _close_context()
     except _FAILURES as error:
         raise RendererError(f"OpenGL failed while drawing: {type(error).__name__} {error}") from error
     return np.asarray(numbers)
@@ -86,9 +93,8 @@ def draw_numbers(
 
 @lru_cache(maxsize=1)
 def _drawn(scene: Scene) -> Any:
-    """Return the scene for pyrender: one mesh, whose colours are numbers, so that the order of drawing never varies."""
-    import pyrender
-
+    """Return the scene for pyrender: one mesh with numbers for colours, so that the order of drawing never varies."""
+    pyrender = _pyrender()
     squares = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
     triangles = triangles_m(scene.meshes)
     total = len(squares) + len(triangles)
@@ -110,8 +116,7 @@ def _drawn(scene: Scene) -> Any:
 
 def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: int) -> Any:
     """Return (n, k, 3) corners as lines or triangles, each in the colour of its number, seen from both sides."""
-    import pyrender
-
+    pyrender = _pyrender()
     colours = np.ones((*corners.shape[:2], 4), np.float32)
     colours[:, :, :3] = (numbers[:, None, None] >> np.array([0, 8, 16]) & 255) / 255
     material = pyrender.MetallicRoughnessMaterial(baseColorFactor=[1.0] * 4, doubleSided=True)
@@ -120,12 +125,11 @@ def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: in
 
 
 @cache
-def _context() -> tuple[Any, str]:
-    """Open the process's one renderer; EGL first, OSMesa second."""
+def open_context() -> tuple[Any, str]:
+    """Return the one pyrender renderer, opened on first use (EGL, else OSMesa), and OpenGL's renderer string."""
     try:
-        ctypes.CDLL("libGL.so.1")  # pyglet, which pyrender imports, loads it
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl" if _loads("libEGL.so.1") else "osmesa")
-        import pyrender
+        pyrender = _pyrender()
         from OpenGL.GL import GL_RENDERER, glGetString
 
         _multisample_off()
@@ -134,18 +138,45 @@ def _context() -> tuple[Any, str]:
         renderer = pyrender.OffscreenRenderer(64, 64)
         name = glGetString(GL_RENDERER).decode()
         atexit.register(renderer.delete)  # before PyOpenGL's modules are gone
-    except Exception as error:  # every driver fails in its own way
+    except Exception as error:  # every driver fails differently
         raise RendererError(f"no OpenGL context opens: {type(error).__name__} {error}") from error
     renderer._renderer._read_main_framebuffer = _read_numbers
     return renderer, name
 
 
-def _close() -> None:
+@cache
+def _pyrender() -> Any:
+    """Import pyrender without its viewer, whose window toolkit needs X libraries that machines without a screen lack.
+
+    Who asks for `pyrender.Viewer` afterwards gets it all the same, where those libraries are.
+    """
+    if "pyrender" in sys.modules:
+        return sys.modules["pyrender"]
+    stand_in: Any = ModuleType("pyrender.viewer")
+    stand_in.Viewer = None
+    sys.modules[stand_in.__name__] = stand_in
+    try:
+        import pyrender
+    finally:
+        del sys.modules[stand_in.__name__]
+    del pyrender.Viewer
+    pyrender.__getattr__ = _viewer
+    return pyrender
+
+
+def _viewer(name: str) -> Any:
+    """Answer what pyrender's module lacks (PEP 562)."""
+    if name == "Viewer":
+        return import_module("pyrender.viewer").Viewer
+    raise AttributeError(f"module 'pyrender' has no attribute {name!r}")
+
+
+def _close_context() -> None:
     """Close the renderer; the next drawing opens a new one."""
-    renderer = _context()[0]
+    renderer = open_context()[0]
     atexit.unregister(renderer.delete)
     renderer.delete()
-    _context.cache_clear()
+    open_context.cache_clear()
 
 
 def _loads(library: str) -> bool:
@@ -172,10 +203,10 @@ def _multisample_off() -> None:
 
 
 def _read_numbers(scene: Any, flags: int) -> tuple[NDArray[np.uint32], None]:
-    """Read the colours alone, as they lie in memory: pyrender's own way reads depth too, and converts."""
+    """Read the colours alone, as they lie in memory: pyrender itself also reads depth, and converts."""
     from OpenGL import GL
 
-    renderer = _context()[0]._renderer
+    renderer = open_context()[0]._renderer
     width, height = renderer._main_fb_dims
     GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, renderer._main_fb_ms)
     GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 4)

@@ -1,7 +1,7 @@
 """The renderer that finds what is visible with OpenGL, which draws the numbers of the faces.
 
-Textures, edges, light and shadow are then integrated by the exact kernels, which look only at the faces that are shown
-in a pixel: what hides behind others costs nothing.
+The exact kernels then integrate textures, edges, light and shadow over the faces that are shown in a pixel: hidden
+faces cost nothing.
 """
 
 from functools import lru_cache
@@ -11,24 +11,44 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from peaksim.area.bands import BAND_ROWS, Levels, Seen, draw_pieces, draw_split, in_threads, new_lists, see
-from peaksim.area.cells import Cells, InCells, Rays, faces_in_tiles, owned, seen_in, side_ranges, tile_boxes, tile_cells
-from peaksim.area.faces import Views, channels_of, distances, look
+from peaksim.area.bands import (
+    BAND_ROWS,
+    Levels,
+    PackedScene,
+    draw_pieces,
+    draw_split,
+    new_lists,
+    pack_scene,
+    run_in_threads,
+)
+from peaksim.area.cells import (
+    Cells,
+    InCells,
+    Rays,
+    cells_with_owners,
+    faces_in_boxes,
+    faces_in_tiles,
+    side_ranges,
+    tile_boxes,
+    tile_cells,
+)
+from peaksim.area.faces import FaceViews, channels_of, distance_range, view_faces
 from peaksim.area.owner import MIXED, TILE
 from peaksim.area.shown import CROWDED, MOST_FACES, SAMPLES, cut_crowded, list_in_pixels, list_in_tiles
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose
 from peaksim.gl.context import draw_numbers, gl_renderer, is_available
-from peaksim.gl.tiles import tiles, window_of
+from peaksim.gl.tiles import split_into_tiles, window_of
 from peaksim.scene.scene import Quad, Scene
 
 __all__ = ["gl_renderer", "integrate", "is_available"]
 
 NEAREST_M = 1e-3
-"""What is nearer to the camera is not drawn."""
+"""Faces nearer to the camera are not drawn."""
 TOUCH_M = 1e-3
-"""Quads that lie this close to one plane touch: OpenGL may show one in another's place."""
+"""Quads that lie this close to one plane touch: OpenGL may show one instead of another."""
 _CROWDED_AT_ONCE = 512
+"""Crowded pixels that are cut before their pieces are added up: 3 MB of memory."""
 
 
 def integrate(scene: Scene, camera: Camera, world_from_camera: Pose) -> Levels:
@@ -39,35 +59,35 @@ def integrate(scene: Scene, camera: Camera, world_from_camera: Pose) -> Levels:
     RendererError
         If OpenGL fails.
     """
-    seen = see(scene)
-    views, eye = look(seen.faces, world_from_camera[None]), world_from_camera[None, :3, 3]
+    packed = pack_scene(scene)
+    views = view_faces(packed.faces, world_from_camera[None])
     out = np.full((camera.height, camera.width, channels_of(scene)), scene.background, dtype=np.float32)
-    if not len(seen.faces.planes):
+    if not len(packed.faces.planes):
         return out
-    nearest, farthest = distances(seen.faces, eye[0])
-    groups = touching(scene)
-    for tile in tiles(camera):
+    nearest, farthest = distance_range(packed.faces, views.eyes[0])
+    groups = touching_groups(scene)
+    for tile in split_into_tiles(camera):
         window = window_of(tile, camera.is_pinhole)
         depths_m = max(NEAREST_M, 0.99 * window.slant * nearest), 1.01 * farthest + 2 * NEAREST_M
         numbers = draw_numbers(scene, world_from_camera, window, depths_m)
         levels = np.empty((len(tile.rays) - 1, tile.rays.shape[1] - 1, out.shape[2]), dtype=np.float32)
-        draw_tile(seen, views, eye, tile.rays, Shown(numbers, window.samples_from_camera, groups), levels)
+        draw_tile(packed, views, tile.rays, Shown(numbers, window.samples_from_camera, groups), levels)
         out[tile.rows, tile.columns] = levels
     return out
 
 
 @lru_cache(maxsize=1)
-def touching(scene: Scene) -> NDArray[np.int64]:
+def touching_groups(scene: Scene) -> NDArray[np.int64]:
     """Return (f,) numbers: faces with the same one ≥ 0 are quads that lie on each other; −1 for all others."""
     corners = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
     groups = np.full(len(corners) + sum(len(mesh.faces) for mesh in scene.meshes), -1)
     if len(corners):
-        _, labels = connected_components(np.stack([lying_on(quad, corners) for quad in scene.quads]))
+        _, labels = connected_components(np.stack([find_touching(quad, corners) for quad in scene.quads]))
         groups[: len(corners)] = np.where(np.bincount(labels)[labels] > 1, labels, -1)
     return groups
 
 
-def lying_on(quad: Quad, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def find_touching(quad: Quad, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which of (q, 4, 3) rectangles lie in the plane of a quad, within TOUCH_M, and may share area with it."""
     local = (corners_m - quad.world_from_quad[:3, 3]) @ quad.world_from_quad[:3, :3]
     flush = np.abs(local[:, :, 2]).max(axis=1) <= TOUCH_M
@@ -84,58 +104,57 @@ class Shown(NamedTuple):
     samples_from_camera: NDArray[np.float64]
     """(3, 3) matrix from directions to columns and rows of `numbers`."""
     groups: NDArray[np.int64]
-    """(f,) from `touching`."""
+    """(f,) from `touching_groups`."""
 
 
 # --- one tile -------------------------------------------------------------------------------------------------
 
 
-def draw_tile(seen: Seen, views: Views, eyes: NDArray[np.float64], rays: Rays, shown: Shown, out: Levels) -> None:
-    """Write a tile, in bands that threads share; `eyes` is (1, 3), the camera's place."""
+def draw_tile(packed: PackedScene, views: FaceViews, rays: Rays, shown: Shown, out: Levels) -> None:
+    """Write a tile, in bands that threads share."""
 
     def band(first: int) -> None:
         rows = slice(first, min(first + BAND_ROWS, len(out)))
         corners = np.ascontiguousarray(rays[rows.start : rows.stop + 1])
-        places = places_of(corners, shown.samples_from_camera)
-        cells = cells_shown(views, corners, places, shown)
-        draw_split(seen, views, eyes, corners, cells, out[rows])
+        positions = window_positions(corners, shown.samples_from_camera)
+        cells = cells_shown(views, corners, positions, shown)
+        draw_split(packed, views, corners, cells, out[rows])
         pixels = np.argwhere(cells.owners == CROWDED)
         if len(pixels):
-            draw_crowded(seen, views, eyes, corners, places, shown.numbers, pixels, out[rows])
+            draw_crowded(packed, views, corners, positions, shown.numbers, pixels, out[rows])
 
-    in_threads(band, range(0, len(out), BAND_ROWS))
+    run_in_threads(band, range(0, len(out), BAND_ROWS))
 
 
-def places_of(rays: Rays, samples_from_camera: NDArray[np.float64]) -> Rays:
+def window_positions(rays: Rays, samples_from_camera: NDArray[np.float64]) -> Rays:
     """Return (…, 3) (column, row, 1) of directions in a window."""
-    places = rays @ samples_from_camera.T
-    return np.asarray(places / places[:, :, 2:])
+    positions = rays @ samples_from_camera.T
+    return np.asarray(positions / positions[:, :, 2:])
 
 
-def cells_shown(views: Views, rays: Rays, places: Rays, shown: Shown) -> Cells:
-    """Return what a band sees; a cell is a tile, or a pixel where many faces are shown in its tile."""
+def cells_shown(views: FaceViews, rays: Rays, positions: Rays, shown: Shown) -> Cells:
+    """Return the cells of a band: tiles, or single pixels where many faces are shown in their tile."""
     touching_faces = faces_in_tiles(views, rays, np.flatnonzero(shown.groups >= 0))
     hints = shown.numbers, shown.groups, *touching_faces[:2]
-    boxes, cells = tile_boxes(places), tile_cells(rays)
+    boxes, cells = tile_boxes(positions), tile_cells(rays)
     found, counts = np.empty((len(boxes), MOST_FACES + 1), np.int64), np.empty(len(boxes), np.int64)
     list_in_tiles(*hints, boxes, found, counts)
     full = counts > MOST_FACES
-    faces = seen_in(side_ranges(views), tile_boxes(rays), found, np.where(full, 0, counts))
+    faces = faces_in_boxes(side_ranges(views), tile_boxes(rays), found, np.where(full, 0, counts))
     if full.any():
         more = int(full[cells].sum())
         found = np.concatenate([faces.found, np.empty((more, MOST_FACES + 1), np.int64)])
         counts, alone = np.pad(faces.counts, (0, more)), np.pad(faces.alone, (0, more), constant_values=MIXED)
-        list_in_pixels(*hints, places, TILE, full, found, counts, alone, cells)
+        list_in_pixels(*hints, positions, TILE, full, found, counts, alone, cells)
         faces = InCells(found, counts, alone)
-    return owned(views, rays, cells, faces)
+    return cells_with_owners(views, rays, cells, faces)
 
 
 def draw_crowded(
-    seen: Seen,
-    views: Views,
-    eyes: NDArray[np.float64],
+    packed: PackedScene,
+    views: FaceViews,
     rays: Rays,
-    places: Rays,
+    positions: Rays,
     numbers: NDArray[np.uint32],
     pixels: NDArray[np.int64],
     out: Levels,
@@ -144,5 +163,5 @@ def draw_crowded(
     lists = new_lists(_CROWDED_AT_ONCE * SAMPLES**2)
     for first in range(0, len(pixels), _CROWDED_AT_ONCE):
         some = pixels[first : first + _CROWDED_AT_ONCE]
-        n = cut_crowded(rays, views.sides, numbers, places, some, seen.background, *lists, out)
-        draw_pieces(seen, views, eyes, n, lists, out)
+        n = cut_crowded(rays, views.sides, numbers, positions, some, packed.background, *lists, out)
+        draw_pieces(packed, views, n, lists, out)

@@ -1,4 +1,4 @@
-"""Tiles of a picture, each with a window for OpenGL: the view of a pinhole that covers the tile, whatever the lens."""
+"""Tiles of an image, each with a window for OpenGL: a pinhole view that covers the tile, whatever the lens."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -17,19 +17,19 @@ LEAST_COSINE = 0.8
 """Cosine of the widest angle between the middle of a lens's tile and its other directions."""
 
 
-class Tile(NamedTuple):
-    """Part of a picture."""
+class ImageTile(NamedTuple):
+    """Part of an image."""
 
     rows: slice
-    """Rows of the picture."""
+    """Rows of the image."""
     columns: slice
-    """Columns of the picture."""
+    """Columns of the image."""
     rays: Rays
     """(h + 1, w + 1, 3) directions of the pixel corners, camera frame."""
 
 
 class Window(NamedTuple):
-    """What OpenGL draws: the view of a pinhole that looks along the third axis of a frame of its own."""
+    """What OpenGL draws: a pinhole view along the third axis of a frame of its own."""
 
     camera_from_window: NDArray[np.float64]
     """(3, 3) rotation."""
@@ -48,26 +48,26 @@ class Window(NamedTuple):
         return self.samples_from_window @ self.camera_from_window.T
 
 
-def tiles(camera: Camera) -> Iterator[Tile]:
-    """Yield tiles that cover the picture."""
+def split_into_tiles(camera: Camera) -> Iterator[ImageTile]:
+    """Yield tiles that cover the image."""
     lattice = corner_rays(camera)
     rays = band_rays(camera, slice(0, camera.height)) if lattice is None else lattice
-    yield from _split(Tile(slice(0, camera.height), slice(0, camera.width), rays), camera.is_pinhole)
+    yield from _split(ImageTile(slice(0, camera.height), slice(0, camera.width), rays), camera.is_pinhole)
 
 
-def _split(tile: Tile, is_pinhole: bool) -> Iterator[Tile]:
+def _split(tile: ImageTile, is_pinhole: bool) -> Iterator[ImageTile]:
     """Yield a tile, or its halves where it is too large."""
     height, width = tile.rays.shape[0] - 1, tile.rays.shape[1] - 1
     if max(height, width) <= LONGEST_PX and (is_pinhole or max(height, width) == 1 or _is_narrow(tile.rays)):
         yield tile
     elif width >= height:
         x, half = tile.columns.start, width // 2
-        yield from _split(Tile(tile.rows, slice(x, x + half), tile.rays[:, : half + 1]), is_pinhole)
-        yield from _split(Tile(tile.rows, slice(x + half, x + width), tile.rays[:, half:]), is_pinhole)
+        yield from _split(ImageTile(tile.rows, slice(x, x + half), tile.rays[:, : half + 1]), is_pinhole)
+        yield from _split(ImageTile(tile.rows, slice(x + half, x + width), tile.rays[:, half:]), is_pinhole)
     else:
         y, half = tile.rows.start, height // 2
-        yield from _split(Tile(slice(y, y + half), tile.columns, tile.rays[: half + 1]), is_pinhole)
-        yield from _split(Tile(slice(y + half, y + height), tile.columns, tile.rays[half:]), is_pinhole)
+        yield from _split(ImageTile(slice(y, y + half), tile.columns, tile.rays[: half + 1]), is_pinhole)
+        yield from _split(ImageTile(slice(y + half, y + height), tile.columns, tile.rays[half:]), is_pinhole)
 
 
 def _is_narrow(rays: Rays) -> bool:
@@ -80,24 +80,24 @@ def _middle(rays: Rays) -> NDArray[np.float64]:
     return np.asarray(middle / np.linalg.norm(middle))
 
 
-def window_of(tile: Tile, is_pinhole: bool) -> Window:
+def window_of(tile: ImageTile, is_pinhole: bool) -> Window:
     """Return a window with SAMPLES × SAMPLES samples for each pixel of a tile, evenly spread over the window.
 
     For a pinhole, samples lie evenly in each pixel.
     """
-    turn = np.eye(3) if is_pinhole else half_turn(_middle(tile.rays))
+    rotation = np.eye(3) if is_pinhole else swap_rotation(_middle(tile.rays))
     border = np.concatenate([tile.rays[0], tile.rays[-1], tile.rays[:, 0], tile.rays[:, -1]])
-    seen = border @ turn
-    flat = seen[:, :2] / seen[:, 2:]
+    in_window = border @ rotation
+    flat = in_window[:, :2] / in_window[:, 2:]
     low, high = flat.min(axis=0), flat.max(axis=0)
     size = SAMPLES * (np.array(tile.rays.shape[1::-1]) - 1)
     scale = size / (high - low)
     matrix = np.array([[scale[0], 0, -scale[0] * low[0]], [0, scale[1], -scale[1] * low[1]], [0, 0, 1]])
     reach = np.abs(np.stack([low, high])).max(axis=0)
-    return Window(turn, int(size[0]), int(size[1]), matrix, float(1 / np.sqrt(1 + reach @ reach)))
+    return Window(rotation, int(size[0]), int(size[1]), matrix, float(1 / np.sqrt(1 + reach @ reach)))
 
 
-def half_turn(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (3, 3) half turn that swaps the third axis with a unit direction, which is not its opposite."""
+def swap_rotation(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (3, 3) rotation by 180° that swaps the third axis with a unit direction, which is not its opposite."""
     between = direction + np.array([0, 0, 1])
     return np.asarray(2 * np.outer(between, between) / (between @ between) - np.eye(3))

@@ -25,7 +25,7 @@ from peaksim.scene.material import PRINT, Material, linear_from_srgb
 from peaksim.scene.scene import Light, Mark, Mesh, Quad
 from peaksim.scene.texture import Texture
 
-_LARGEST_TEXTURE = 200_000_000  # texels of one papered surface
+_LARGEST_TEXTURE = 200_000_000  # texels of one papered surface, refused before they are made
 _WHITE = 255
 
 Materials = Mapping[str, Material]
@@ -65,7 +65,7 @@ class Paper:
         self.material = material
         self.texels_per_m = photo.shape[1] / photo_m
 
-    def cover(self, size_m: tuple[float, float], name: str) -> Texture:
+    def cover_surface(self, size_m: tuple[float, float], name: str) -> Texture:
         """Return the texture of a surface of this width and height."""
         width, height = (max(1, round(side * self.texels_per_m)) for side in size_m)
         if width * height > _LARGEST_TEXTURE:
@@ -104,14 +104,14 @@ def _load_texture(
         if variant not in table.variants:
             raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
         field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
-    photo = _read_photo(_find_picture(str(file), folder, field), field)
-    return Paper(with_contrast(photo, table.contrast, table.mean), table.photo_m, material)
+    photo = _read_photo(_find_image(str(file), folder, field), field)
+    return Paper(scale_contrast(photo, table.contrast, table.mean), table.photo_m, material)
 
 
-def _find_picture(file: str, folder: Path, field: str) -> Path:
-    """Return a picture beside the scene file, or else among the shipped assets."""
+def _find_image(file: str, folder: Path, field: str) -> Path:
+    """Return an image file beside the scene file, or else among the shipped assets."""
     beside = folder / file
-    return shipped.inside(folder if beside.is_file() else shipped.ASSETS, file, field)
+    return shipped.file_inside(folder if beside.is_file() else shipped.ASSETS, file, field)
 
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
@@ -120,22 +120,22 @@ def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     except InputError as error:
         raise SceneError(f"{field}: {error}") from error
     if photo.dtype != np.uint8:
-        raise SceneError(f"{field}: expected an 8-bit picture, got {photo.dtype}")
+        raise SceneError(f"{field}: expected an 8-bit image, got {photo.dtype}")
     return np.asarray(photo, dtype=np.uint8)
 
 
-def with_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
+def scale_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
     """Scale the deviations from the mean grey level by `contrast` and move the mean to `mean`."""
     own_mean = photo.mean(axis=(0, 1))
     levels = contrast * (photo - own_mean) + (own_mean if mean is None else mean)
     return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)
 
 
-# --- flat things ----------------------------------------------------------------------------------------------
+# --- flat surfaces ----------------------------------------------------------------------------------------------
 
 
-def facing(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) -> Pose:
-    """Return `world_from_quad` of a quad whose printed face looks along `normal` and whose top is towards `up`."""
+def quad_pose(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) -> Pose:
+    """Return `world_from_quad` of a quad whose printed face points along `normal` and whose top is towards `up`."""
     z = np.asarray(normal, dtype=np.float64)
     x = np.cross(np.asarray(up, dtype=np.float64), z)
     if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
@@ -144,12 +144,12 @@ def facing(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str) ->
     return compose(np.stack([x, np.cross(z, x), z], axis=1), center_m)
 
 
-def quads(tables: tuple[schema.QuadTable, ...], textures: Mapping[str, Paper]) -> Iterator[Quad]:
+def build_quads(tables: tuple[schema.QuadTable, ...], textures: Mapping[str, Paper]) -> Iterator[Quad]:
     """Yield the quads of `[[quads]]`."""
     for i, table in enumerate(tables):
         paper = _texture(textures, table.texture, f"quads[{i}].texture")
-        texture = paper.cover(table.size_m, f"quads[{i}].size_m")
-        pose = facing(table.normal, table.up, table.center_m, f"quads[{i}]")
+        texture = paper.cover_surface(table.size_m, f"quads[{i}].size_m")
+        pose = quad_pose(table.normal, table.up, table.center_m, f"quads[{i}]")
         yield Quad(table.name, texture, table.size_m, pose, material=paper.material)
 
 
@@ -178,8 +178,8 @@ def room_quads(room: schema.RoomTable | None, textures: Mapping[str, Paper]) -> 
         if texture is not None:
             paper = _texture(textures, texture, f"room.{field}")
             size = (float(size_m[0]), float(size_m[1]))
-            pose = facing(normal, up, center_m, f"room.{field}")
-            yield Quad(name, paper.cover(size, f"room.{field}"), size, pose, material=paper.material)
+            pose = quad_pose(normal, up, center_m, f"room.{field}")
+            yield Quad(name, paper.cover_surface(size, f"room.{field}"), size, pose, material=paper.material)
 
 
 # --- markers --------------------------------------------------------------------------------------------------
@@ -194,7 +194,7 @@ def marker_quads(
     """Yield every marker as a quad of white paper with the pattern in its middle."""
     for i, table in enumerate(markers):
         field = f"markers[{i}]"
-        pose = facing(table.normal, table.up, table.center_m, field)
+        pose = quad_pose(table.normal, table.up, table.center_m, field)
         quad = _marker_quad(table.name, table, pose, field, material_of(table, materials, field))
         yield check_inside(quad, room, f"{field}.center_m")
     for i, path in enumerate(paths):
@@ -223,12 +223,12 @@ def _tile(kind: str, border: int) -> Texture:
 
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
-    """Return the (side, side) picture of a shipped marker."""
-    picture = shipped.ASSETS / "markers" / f"{kind}.png"
-    if not picture.is_file():
-        known = ", ".join(sorted(p.stem for p in picture.parent.glob("*.png")))
+    """Return the (side, side) image of a shipped marker."""
+    file = shipped.ASSETS / "markers" / f"{kind}.png"
+    if not file.is_file():
+        known = ", ".join(sorted(p.stem for p in file.parent.glob("*.png")))
         raise SceneError(f"{field}: expected one of {known}, got {kind!r}")
-    return _read_photo(picture, field)
+    return _read_photo(file, field)
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
@@ -236,8 +236,8 @@ def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
     curve = FloorPath(np.array(path.waypoints_m))
     arc = np.linspace(0, curve.length_m, path.count)
     return [
-        compose(rotation_about("z", turn), [*xy, path.height_m])
-        for xy, turn in zip(curve.at(arc), np.degrees(curve.heading_rad(arc)) - 90, strict=True)
+        compose(rotation_about("z", yaw_deg), [*xy, path.height_m])
+        for xy, yaw_deg in zip(curve.at(arc), np.degrees(curve.heading_rad(arc)) - 90, strict=True)
     ]
 
 
@@ -257,10 +257,10 @@ def check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
 # --- furniture ------------------------------------------------------------------------------------------------
 
 
-def meshes(
+def build_meshes(
     boxes: tuple[schema.BoxTable, ...], tables: tuple[schema.DeskTable, ...], materials: Materials = PLAIN
 ) -> tuple[Mesh, ...]:
-    """Return the boxes and tables as triangle meshes."""
+    """Return the boxes and desks as triangle meshes."""
     return (
         *(
             _mesh(
@@ -298,7 +298,7 @@ def _mesh(table: schema.BoxTable | schema.DeskTable, parts: list[tuple[Any, Any]
 # --- lights and camera ----------------------------------------------------------------------------------------
 
 
-def lights(tables: tuple[schema.AnyLightTable, ...], folder: Path) -> tuple[Light | AreaLight | Environment, ...]:
+def build_lights(tables: tuple[schema.AnyLightTable, ...], folder: Path) -> tuple[Light | AreaLight | Environment, ...]:
     """Return the lights; images of surroundings are looked for in `folder`, then among the assets."""
     return tuple(_light(table, folder, f"lights[{i}].file") for i, table in enumerate(tables))
 
@@ -311,7 +311,7 @@ def _light(table: schema.AnyLightTable, folder: Path, field: str) -> Light | Are
         return AreaLight(table.center_m, table.size_m, radiance, table.normal, table.up)
     if table.file is None:
         return Environment(table.radiance, None, table.yaw_deg)
-    path = _find_picture(table.file, folder, field)
+    path = _find_image(table.file, folder, field)
     try:
         image = read_image(path)
     except InputError as error:
@@ -321,7 +321,7 @@ def _light(table: schema.AnyLightTable, folder: Path, field: str) -> Light | Are
     return Environment(table.radiance, decoded.astype(np.float32), table.yaw_deg)
 
 
-def camera(table: schema.CameraTable) -> Camera:
+def build_camera(table: schema.CameraTable) -> Camera:
     """Return the camera; focal length and principal point default to square pixels and the image centre."""
     base = _base_camera(table)
     own = {name: getattr(table, name) for name in ("fy", "cx", "cy") if getattr(table, name) is not None}
@@ -355,8 +355,8 @@ def _base_camera(table: schema.CameraTable) -> Camera:
     return Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
 
 
-def trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
-    """Return the camera's way through the waypoints."""
+def build_trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
+    """Return the camera's trajectory through the waypoints."""
     poses = []
     for i, table in enumerate(tables):
         try:
@@ -367,7 +367,7 @@ def trajectory(tables: tuple[schema.WaypointTable, ...]) -> Trajectory:
 
 
 def check_camera(tables: tuple[schema.WaypointTable, ...], room: schema.RoomTable | None) -> None:
-    """Refuse a camera outside the room, under its floor for instance."""
+    """Refuse a camera outside the room, for instance under its floor."""
     for i, table in enumerate(tables):
         if room is not None and not (np.less(room.min_m, table.eye_m) & np.less(table.eye_m, room.max_m)).all():
             raise SceneError(

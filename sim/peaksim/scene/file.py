@@ -26,9 +26,9 @@ class Setup:
     camera: Camera
     """The camera."""
     trajectory: Trajectory
-    """Where the camera is over time; one waypoint for a still view."""
+    """Pose of the camera over time; one waypoint for a still view."""
     sensor: Sensor
-    """What happens to the picture after the lens."""
+    """What turns linear grey levels into the image."""
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.scene, self.camera, self.trajectory))
@@ -57,21 +57,15 @@ def load_scene(path: str | Path, variants: Mapping[str, str] | None = None) -> S
 
 
 def read_table(path: str | Path) -> tuple[SceneTable, Path]:
-    """Return what a scene file states, and the folder beside whose pictures it is.
+    """Return what a scene file states, and its folder, which its image files are relative to.
 
     Raises
     ------
     SceneError
-        As `load_scene`; that textures and markers exist is not checked yet.
+        As `load_scene`; whether textures and markers exist is not checked yet.
     """
     file = find_scene(path)
     return validate(SceneTable, parse_toml(file), str(file)), file.parent
-
-
-def texture_variants(path: str | Path) -> dict[str, tuple[str, ...]]:
-    """Return the selectable variants of each texture of a scene file that has any."""
-    table, _ = read_table(path)
-    return {name: tuple(t.variants) for name, t in table.textures.items() if t.variants}
 
 
 def find_scene(path: str | Path) -> Path:
@@ -81,7 +75,7 @@ def find_scene(path: str | Path) -> Path:
 
 
 def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | None = None) -> Setup:
-    """Build what a scene table states; pictures are looked for in `folder`, then among the assets.
+    """Build what a scene table states; image files are searched in `folder`, then among the assets.
 
     Raises
     ------
@@ -93,17 +87,17 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
     scene = Scene(
         quads=(
             *scene_build.room_quads(table.room, textures),
-            *scene_build.quads(table.quads, textures),
+            *scene_build.build_quads(table.quads, textures),
             *scene_build.marker_quads(table.markers, table.marker_paths, table.room, materials),
             *scene_posters.poster_quads(table.posters, table.room, materials),
         ),
-        meshes=scene_build.meshes(table.boxes, table.tables, materials),
-        lights=scene_build.lights(table.lights, folder),
+        meshes=scene_build.build_meshes(table.boxes, table.tables, materials),
+        lights=scene_build.build_lights(table.lights, folder),
         background=table.background,
     )
     scene_build.check_camera(table.trajectory, table.room)
-    camera = scene_build.camera(table.camera)
-    return Setup(scene, camera, scene_build.trajectory(table.trajectory), build_sensor(table.sensor))
+    camera = scene_build.build_camera(table.camera)
+    return Setup(scene, camera, scene_build.build_trajectory(table.trajectory), build_sensor(table.sensor))
 
 
 def build_sensor(settings: Mapping[str, Any]) -> Sensor:

@@ -17,7 +17,7 @@ from peaksim.geometry.pose import Pose, compose, look_at
 WINDOW_RADIANCE = 25.0
 """Of `window`: 1 m² lights white paper 2.8 m away, face to face, with multiplier 1; in view it is far beyond white."""
 _LIFT_M = 1e-3
-"""An area light stands this far before its place, so that it may be stated as lying in a wall or ceiling."""
+"""An area light stands this far before its position, so that it may be stated as lying in a wall or ceiling."""
 
 Point = tuple[float, float, float]
 
@@ -65,7 +65,7 @@ def window(center_m: Point, size_m: tuple[float, float], normal: Point, radiance
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Light from infinitely far around: an even sky, or an image of the surroundings. It is seen where nothing is."""
+    """Light from infinitely far around: an even sky, or an image of the surroundings. It is the background, too."""
 
     radiance: float = 1.0
     """In units of white, see the module; for an image what its value 1 stands for."""

@@ -1,4 +1,4 @@
-"""`[[posters]]` → quads: markers composed texel by texel, so that pictures and truth agree to the last digit."""
+"""`[[posters]]` → quads: markers composed texel by texel, so that images and truth agree to the last digit."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ import numpy as np
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.scene import schema as schema
-from peaksim.scene.build import PLAIN, Materials, check_inside, facing, marker_pattern, material_of
+from peaksim.scene.build import PLAIN, Materials, check_inside, marker_pattern, material_of, quad_pose
 from peaksim.scene.material import PRINT, Material
 from peaksim.scene.scene import Mark, Quad
 from peaksim.scene.texture import MAX_TEXELS, Texture
@@ -20,14 +20,14 @@ def poster_quads(
 ) -> Iterator[Quad]:
     """Yield the posters; copies of one poster share its texture."""
     for i, table in enumerate(tables):
-        for quad in copies_of(table, f"posters[{i}]", material_of(table, materials, f"posters[{i}]")):
+        for quad in poster_copies(table, f"posters[{i}]", material_of(table, materials, f"posters[{i}]")):
             yield check_inside(quad, room, f"posters[{i}].center_m")
 
 
-def copies_of(table: schema.PosterTable, field: str, material: Material = PRINT) -> Iterator[Quad]:
+def poster_copies(table: schema.PosterTable, field: str, material: Material = PRINT) -> Iterator[Quad]:
     """Yield a poster once, or its copies from the top left, row by row, numbered from 01."""
     texture, size_m, marks = print_poster(table, field)
-    middle = facing(table.normal, table.up, table.center_m, field)
+    middle = quad_pose(table.normal, table.up, table.center_m, field)
     across, down = table.copies
     step_m = table.step_m or size_m
     for k in range(across * down):
@@ -41,7 +41,7 @@ def copies_of(table: schema.PosterTable, field: str, material: Material = PRINT)
 def print_poster(table: schema.PosterTable, field: str) -> tuple[Texture, tuple[float, float], tuple[Mark, ...]]:
     """Return a poster's texture, its size in metres and its marks, named r0c0 … by row and column.
 
-    A texel is the marker pattern's own; paper size and places are rounded to whole texels.
+    Texels are those of the marker patterns; paper size and positions are rounded to whole texels.
     """
     patterns = {letter: marker_pattern(kind, f"{field}.kinds.{letter}") for letter, kind in table.kinds.items()}
     sides = {len(pattern) for pattern in patterns.values()}

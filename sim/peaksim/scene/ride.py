@@ -13,6 +13,7 @@ from peaksim.geometry.pose import Pose, look_at, rotation_about
 from peaksim.geometry.trajectory import Trajectory
 
 _STEP_S = 0.01
+"""Step of the table of arc length over time; between its rows braking at 0.5 m/s² is off by 0.006 mm at most."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Mount:
 
 @dataclass(frozen=True)
 class Bumps:
-    """A rough floor: smooth random angles with these standard deviations."""
+    """A rough floor: smooth random angles and heights with these standard deviations."""
 
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
@@ -37,8 +38,8 @@ class Bumps:
 
 
 @dataclass(frozen=True)
-class Light:
-    """Exposure between two multipliers, as a sine over time that starts half-way."""
+class ExposureChange:
+    """Exposure between two multipliers, as a sine over time that starts half-way between them."""
 
     low: float = 1.0
     high: float = 1.0
@@ -50,14 +51,14 @@ class Ride:
     """Where the camera is over time, and what else changes."""
 
     trajectory: Trajectory
-    """The camera's way."""
+    """Poses of the camera."""
     frames_per_second: float
-    """Rate at which pictures are taken."""
+    """Frame rate."""
     camera: Camera
-    """What takes them."""
+    """Intrinsics, lens and shutter."""
     sensor: Sensor
     """Its settings at exposure 1."""
-    light: Light = field(default_factory=Light)
+    light: ExposureChange = field(default_factory=ExposureChange)
     """Changes of the exposure."""
     mount: Mount | None = None
     """The camera's height and pitch where they are constant but for bumps; None if not stated."""
@@ -69,10 +70,10 @@ class Ride:
         return replace(self.sensor, exposure=float(self.sensor.exposure * factor))
 
     def longest_step_m(self) -> float:
-        """Return the longest way of the camera between two frames."""
+        """Return the longest distance that the camera moves between two frames."""
         times = self.trajectory.frame_times_s(self.frames_per_second)
-        places = np.array([self.trajectory.at(float(t))[:3, 3] for t in times])
-        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).max(initial=0.0))
+        eyes = self.trajectory.poses_at(times)[:, :3, 3]
+        return float(np.linalg.norm(np.diff(eyes, axis=0), axis=1).max(initial=0.0))
 
 
 def camera_pose(xy_m: NDArray[np.float64], heading_rad: float, mount: Mount, roll_deg: float = 0.0) -> Pose:
@@ -100,18 +101,16 @@ def follow_path(
     sway_length_m: float = 4.0,
     frames_per_second: float = 10.0,
 ) -> Trajectory:
-    """Return the way of a camera along a path, as one pose a frame.
+    """Return the trajectory of a camera along a path, with one pose a frame.
 
     Parameters
     ----------
-    path
-        On the floor.
-    mount
-        Height and pitch.
+    path, mount
+        Of the robot on the floor, and of the camera on the robot.
     speed_m_s, acceleration_m_s2
         Cruising speed, and how fast it is reached and left.
     start_m, end_m
-        Arc lengths between which the robot drives; outside 0…length it goes straight on.
+        Arc lengths between which the robot drives; outside 0…length the path continues straight.
     rng
         Source of the bumps.
     stops
@@ -136,21 +135,21 @@ def follow_path(
     heading = path.heading_rad(at)
     swing = 2 * np.pi * at / sway_length_m
     side = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    places = path.at(at) + sway_m * np.sin(swing)[:, None] * side
+    xy_m = path.at(at) + sway_m * np.sin(swing)[:, None] * side
     heading = heading + np.arctan(sway_m * 2 * np.pi / sway_length_m * np.cos(swing))
     roll, pitch, lift = (
         sigma * smooth_noise(count, bumps.rate_hz / frames_per_second, rng)
         for sigma in (bumps.roll_deg, bumps.pitch_deg, bumps.height_m)
     )
     poses = [
-        camera_pose(places[k], heading[k], Mount(mount.height_m + lift[k], mount.pitch_deg + pitch[k]), roll[k])
+        camera_pose(xy_m[k], heading[k], Mount(mount.height_m + lift[k], mount.pitch_deg + pitch[k]), roll[k])
         for k in range(count)
     ]
     return Trajectory(times, np.stack(poses))
 
 
 def smooth_noise(count: int, cutoff: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return (count,) normal values of deviation 1 whose changes above `cutoff` cycles a value are damped."""
+    """Return (count,) normal values of standard deviation 1, low-pass filtered at `cutoff` cycles a value."""
     margin = int(np.ceil(4 / max(cutoff, 1e-3)))
     white = rng.standard_normal(count + 2 * margin)
     width = np.arange(-margin, margin + 1) * max(cutoff, 1e-3) * 2
@@ -165,10 +164,10 @@ def _arc_over_time(
     pieces = [np.array([start])]
     for goal, wait in (*stops, (end, 0.0)):
         begin = float(pieces[-1][-1])
-        way = goal - begin
-        top = min(speed, np.sqrt(acceleration * way))
+        length = goal - begin
+        top = min(speed, np.sqrt(acceleration * length))
         ramp = top / acceleration
-        duration = ramp + way / top
+        duration = ramp + length / top
         time = np.append(np.arange(_STEP_S, duration, _STEP_S), duration)
         left = np.clip(duration - time, 0, ramp)
         rise = np.clip(time, 0, ramp)

@@ -12,23 +12,23 @@ from peaksim.errors import InputError, SceneError
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
-from peaksim.scene.build import camera
+from peaksim.scene.build import build_camera
 from peaksim.scene.file import Setup, build_sensor, load_scene, read_table
-from peaksim.scene.ride import Bumps, Light, Mount, Ride, follow_path
-from peaksim.scene.schema import CameraTable, Name, NotNegative, Number, Point2, Positive, SceneTable, Table
+from peaksim.scene.ride import Bumps, ExposureChange, Mount, Ride, follow_path
+from peaksim.scene.schema import CameraTable, Name, NotNegative, Number, Point2, Positive, SceneTable, StrictTable
 from peaksim.toml_file import parse_toml, validate
 
 TRAJECTORIES = shipped.SCENES / "trajectories"
 
 
-class StopTable(Table):
+class StopTable(StrictTable):
     """`[[drive.stops]]`."""
 
     at_m: Number
     duration_s: Positive
 
 
-class DriveTable(Table):
+class DriveTable(StrictTable):
     """`[drive]`."""
 
     path: Name | None = None
@@ -50,7 +50,7 @@ class DriveTable(Table):
         return self
 
 
-class BumpsTable(Table):
+class BumpsTable(StrictTable):
     """`[bumps]`."""
 
     roll_deg: NotNegative = 0.0
@@ -59,7 +59,7 @@ class BumpsTable(Table):
     rate_hz: Positive = 2.0
 
 
-class LightTable(Table):
+class ExposureTable(StrictTable):
     """`[light]`."""
 
     low: Positive = 1.0
@@ -67,7 +67,7 @@ class LightTable(Table):
     period_s: Positive = 10.0
 
 
-class RideTable(Table):
+class RideTable(StrictTable):
     """The whole file."""
 
     scene: str
@@ -77,13 +77,13 @@ class RideTable(Table):
     sensor: dict[str, Any] | None = None
     drive: DriveTable
     bumps: BumpsTable = BumpsTable()
-    light: LightTable = LightTable()
+    light: ExposureTable = ExposureTable()
 
 
 def load_ride(
     path: str | Path, scene: str | None = None, texture: str | None = None, seed: int = 0
 ) -> tuple[Setup, Ride]:
-    """Read a trajectory and the scene it leads through.
+    """Read a ride and the scene that it leads through.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def load_ride(
     SceneError
         One line that names the file, the field, what was expected and what came; also where the camera leaves the room.
     """
-    file = _find(path)
+    file = _find_ride(path)
     table = validate(RideTable, parse_toml(file), str(path)) if file.suffix == ".toml" else None
     named = scene or (table.scene if table else None)
     if named is None:
@@ -109,19 +109,19 @@ def load_ride(
     setup = load_scene(named, {} if texture is None else {"floor": texture})
     layout = read_table(named)[0]
     try:
-        ride = _ride(table, setup, layout, seed) if table else _poses(file, setup)
+        ride = _ride(table, setup, layout, seed) if table else _ride_on_poses(file, setup)
         _check_inside(ride, layout)
     except InputError as error:
         raise SceneError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
     return setup, ride
 
 
-def _find(path: str | Path) -> Path:
+def _find_ride(path: str | Path) -> Path:
     shipped_file = TRAJECTORIES / f"{path}.toml"
     return shipped_file if Path(path).name == str(path) and shipped_file.is_file() else Path(path)
 
 
-def _poses(file: Path, setup: Setup) -> Ride:
+def _ride_on_poses(file: Path, setup: Setup) -> Ride:
     trajectory = load_trajectory(file)
     rate = (len(trajectory) - 1) / trajectory.duration_s if len(trajectory) > 1 else 1.0
     return Ride(trajectory, rate, setup.camera, setup.sensor)
@@ -144,10 +144,10 @@ def _ride(table: RideTable, setup: Setup, layout: SceneTable, seed: int) -> Ride
         sway_length_m=drive.sway_length_m,
         frames_per_second=table.frames_per_second,
     )
-    lens = setup.camera if table.camera is None else camera(table.camera)
+    lens = setup.camera if table.camera is None else build_camera(table.camera)
     sensor = setup.sensor if table.sensor is None else build_sensor(table.sensor)
     lens = replace(lens, exposure_s=table.exposure_s or lens.exposure_s)
-    return Ride(trajectory, table.frames_per_second, lens, sensor, Light(**table.light.model_dump()), mount)
+    return Ride(trajectory, table.frames_per_second, lens, sensor, ExposureChange(**table.light.model_dump()), mount)
 
 
 def _path(drive: DriveTable, layout: SceneTable) -> FloorPath:
@@ -165,17 +165,17 @@ def _check_inside(ride: Ride, layout: SceneTable) -> None:
     if layout.room is None:
         return
     low, high = np.array(layout.room.min_m), np.array(layout.room.max_m)
-    for time in ride.trajectory.frame_times_s(ride.frames_per_second):
-        eye = ride.trajectory.at(float(time))[:3, 3]
+    times = ride.trajectory.frame_times_s(ride.frames_per_second)
+    for time, eye in zip(times, ride.trajectory.poses_at(times)[:, :3, 3], strict=True):
         if not ((low < eye) & (eye < high)).all():
-            place = ", ".join(f"{c:.3g}" for c in eye)
+            position = ", ".join(f"{c:.3g}" for c in eye)
             raise SceneError(
-                f"expected a camera inside the room {low.tolist()}…{high.tolist()}, at {time:.3g} s it is at ({place})"
+                f"expected a camera inside the room {low.tolist()}…{high.tolist()}, "
+                f"at {time:.3g} s it is at ({position})"
             )
 
 
 def shortened(ride: Ride, frames: int) -> Ride:
     """Return the first frames of a ride."""
     times = ride.trajectory.frame_times_s(ride.frames_per_second)[:frames]
-    poses = np.stack([ride.trajectory.at(float(t)) for t in times])
-    return replace(ride, trajectory=Trajectory(times, poses))
+    return replace(ride, trajectory=Trajectory(times, ride.trajectory.poses_at(times)))

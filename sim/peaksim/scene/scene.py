@@ -15,7 +15,7 @@ from peaksim.scene.texture import Texture
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """One printed marker on a quad: what truth reports on."""
+    """One printed marker on a quad; truth has a record of each."""
 
     name: str
     """Unique name in the scene."""
@@ -52,7 +52,7 @@ class Quad:
 
     @property
     def marks(self) -> tuple[Mark, ...]:
-        """The printed markers, whichever way `marker` states them."""
+        """The printed markers, in whichever form `marker` states them."""
         if self.marker is None:
             return ()
         if isinstance(self.marker, str):
@@ -121,7 +121,7 @@ class Light:
     """
 
     kind: Literal["ambient", "directional", "point"]
-    """What the light is."""
+    """Ambient, directional or point."""
     intensity: float
     """Multiplier; 1 keeps a printed grey level at normal incidence."""
     direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -149,7 +149,7 @@ class Scene:
     quads: tuple[Quad, ...] = ()
     """Flat printed rectangles."""
     meshes: tuple[Mesh, ...] = ()
-    """Solid things of one colour."""
+    """Solid objects of one colour."""
     lights: tuple[Light | AreaLight | Environment, ...] = ()
     """Empty: every surface is shown at its printed grey level."""
     background: float = 128.0

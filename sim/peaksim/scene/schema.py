@@ -15,13 +15,13 @@ Copies = Annotated[int, Field(ge=1, le=100)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
 
 
-class Table(BaseModel):
-    """A table of the file: unknown fields are errors, values are never converted silently."""
+class StrictTable(BaseModel):
+    """A table of a TOML file: unknown fields are errors, values are never converted silently."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class CameraTable(Table):
+class CameraTable(StrictTable):
     """`[camera]`: in pixels, in millimetres of lens and sensor, or a camera by name."""
 
     name: str | None = None
@@ -65,7 +65,7 @@ class CameraTable(Table):
         return self
 
 
-class WaypointTable(Table):
+class WaypointTable(StrictTable):
     """`[[trajectory]]`: where the camera is at a time, and what it looks at."""
 
     time_s: NotNegative = 0.0
@@ -73,7 +73,7 @@ class WaypointTable(Table):
     target_m: Point3
 
 
-class MaterialTable(Table):
+class MaterialTable(StrictTable):
     """`[materials.NAME]`: how printed levels reflect light, and whether the surface shines."""
 
     kind: Literal["diffuse", "plastic"] = "diffuse"
@@ -83,7 +83,7 @@ class MaterialTable(Table):
     ior: Positive = 1.5
 
 
-class TextureTable(Table):
+class TextureTable(StrictTable):
     """`[textures.NAME]`: a photograph with its physical size, or a plain level."""
 
     file: str | None = None
@@ -101,7 +101,7 @@ class TextureTable(Table):
         return self
 
 
-class RoomTable(Table):
+class RoomTable(StrictTable):
     """`[room]`: an axis-aligned box; the named faces are papered with textures."""
 
     min_m: Point3
@@ -117,7 +117,7 @@ class RoomTable(Table):
         return self
 
 
-class QuadTable(Table):
+class QuadTable(StrictTable):
     """`[[quads]]`: a flat rectangle with a texture on its printed face."""
 
     name: Name
@@ -128,7 +128,7 @@ class QuadTable(Table):
     up: Point3
 
 
-class MarkerTable(Table):
+class MarkerTable(StrictTable):
     """`[[markers]]`: one printed marker on white paper."""
 
     name: Name
@@ -141,7 +141,7 @@ class MarkerTable(Table):
     material: Name | None = None
 
 
-class MarkerPathTable(Table):
+class MarkerPathTable(StrictTable):
     """`[[marker_paths]]`: markers at equal steps along a smooth curve on the floor."""
 
     name: Name
@@ -154,8 +154,8 @@ class MarkerPathTable(Table):
     material: Name | None = None
 
 
-class PosterTable(Table):
-    """`[[posters]]`: paper with a grid of markers of one size, hung up once or several times side by side."""
+class PosterTable(StrictTable):
+    """`[[posters]]`: paper with a grid of markers of one size, hung once or several times side by side."""
 
     name: Name
     paper_m: tuple[Positive, Positive] = (0.210, 0.297)
@@ -188,7 +188,7 @@ class PosterTable(Table):
         return self
 
 
-class BoxTable(Table):
+class BoxTable(StrictTable):
     """`[[boxes]]`: a solid box that stands on `center_m`."""
 
     name: Name
@@ -199,7 +199,7 @@ class BoxTable(Table):
     material: Name | None = None
 
 
-class DeskTable(Table):
+class DeskTable(StrictTable):
     """`[[tables]]`: a table top on four legs, standing on `center_m`."""
 
     name: Name
@@ -219,7 +219,7 @@ class DeskTable(Table):
         return self
 
 
-class LightTable(Table):
+class LightTable(StrictTable):
     """`[[lights]]`: a multiplier of linear grey levels."""
 
     kind: Literal["ambient", "directional", "point"]
@@ -230,7 +230,7 @@ class LightTable(Table):
     casts_shadows: bool = True
 
 
-class AreaLightTable(Table):
+class AreaLightTable(StrictTable):
     """`[[lights]]` of kind "area", a shining rectangle, or "window", one of the sky's brightness in a wall."""
 
     kind: Literal["area", "window"]
@@ -248,7 +248,7 @@ class AreaLightTable(Table):
         return self
 
 
-class EnvironmentTable(Table):
+class EnvironmentTable(StrictTable):
     """`[[lights]]` of kind "environment": an even sky, or an image of the surroundings."""
 
     kind: Literal["environment"]
@@ -261,7 +261,7 @@ class EnvironmentTable(Table):
 AnyLightTable = Annotated[LightTable | AreaLightTable | EnvironmentTable, Field(discriminator="kind")]
 
 
-class SceneTable(Table):
+class SceneTable(StrictTable):
     """The whole file."""
 
     background: GreyLevel = 128.0

@@ -16,12 +16,12 @@ from PIL import Image, UnidentifiedImageError
 from peaksim.errors import ImageError
 
 MAX_TEXELS = 64_000_000
-"""Larger textures are refused: their tables (8 bytes a texel and channel) would not fit beside a picture."""
+"""Larger textures are refused: their tables (8 bytes a texel and channel) would not fit into memory beside an image."""
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture to print on a quad."""
+    """An image to print on a quad."""
 
     pixels: NDArray[np.uint8]
     """(h, w) grey or (h, w, 3) RGB linear grey levels, row 0 at the top; read-only."""
@@ -44,12 +44,12 @@ class Texture:
 
     @staticmethod
     def from_file(path: str | Path) -> "Texture":
-        """Read a picture file as a grey or RGB texture; transparency and animation are dropped.
+        """Read an image file as a grey or RGB texture; transparency and animation are dropped.
 
         Raises
         ------
         ImageError
-            If it is not there, is not a picture, or is larger than `MAX_TEXELS`.
+            If it is missing, is not an image, or is larger than `MAX_TEXELS`.
         """
         try:
             with Image.open(path) as image:
@@ -59,7 +59,7 @@ class Texture:
         except (OSError, SyntaxError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
             if isinstance(error, ImageError):
                 raise
-            raise ImageError(f"{path}: expected a picture, got {_reason(error)}") from error
+            raise ImageError(f"{path}: expected an image, got {_reason(error)}") from error
 
     @property
     def channels(self) -> int:

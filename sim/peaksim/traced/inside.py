@@ -18,13 +18,13 @@ def check_lights(scene: Scene, eye_m: NDArray[np.float64]) -> None:
     """
     for k, light in enumerate(scene.lights):
         if isinstance(light, AreaLight):
-            place = light.world_from_light[:3, 3]
+            position = light.world_from_light[:3, 3]
         elif isinstance(light, Light) and light.kind == "point" and light.casts_shadows:
-            place = np.asarray(light.position_m)
+            position = np.asarray(light.position_m)
         else:
             continue
         for mesh in scene.meshes:
-            if is_inside(mesh.triangles_m, place) and not is_inside(mesh.triangles_m, eye_m):
+            if is_inside(mesh.triangles_m, position) and not is_inside(mesh.triangles_m, eye_m):
                 raise SceneError(f"lights[{k}]: expected a light outside of mesh {mesh.name!r}, got one inside it")
 
 

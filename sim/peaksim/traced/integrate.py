@@ -12,7 +12,7 @@ import numpy as np
 
 from peaksim.area.bands import Levels
 from peaksim.area.faces import channels_of
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.errors import SceneError
 from peaksim.scene.material import WHITE
 from peaksim.scene.scene import Light, Scene
@@ -38,7 +38,7 @@ _STEPS = tuple(
 
 
 def integrate(
-    scene: Scene, shot: Shot, samples: int = SAMPLES, seed: int | Sequence[int] = 0, max_depth: int = MAX_DEPTH
+    scene: Scene, posed: PosedCamera, samples: int = SAMPLES, seed: int | Sequence[int] = 0, max_depth: int = MAX_DEPTH
 ) -> Levels:
     """Return the (h, w, channels) linear grey levels of a scene, with Monte Carlo noise.
 
@@ -46,7 +46,7 @@ def integrate(
 
     Parameters
     ----------
-    scene, shot
+    scene, posed
         What is seen, and by what.
     samples
         Paths a pixel; noise falls with its square root.
@@ -61,8 +61,8 @@ def integrate(
         For arguments out of range, a light inside a mesh, and where Mitsuba or LLVM is missing.
     """
     check(samples, seed, max_depth)
-    check_lights(scene, shot.pose[:3, 3])
-    camera, channels = shot.camera, channels_of(scene)
+    check_lights(scene, posed.pose[:3, 3])
+    camera, channels = posed.camera, channels_of(scene)
     rows = max(1, _PIXELS_AT_ONCE // camera.width)
     out = np.empty((camera.height, camera.width, channels), dtype=np.float32)
     with tools_for(channels) as tools:
@@ -71,7 +71,7 @@ def integrate(
         for first in range(0, camera.height, rows):
             band = slice(first, min(first + rows, camera.height))
             own = np.random.SeedSequence([*np.atleast_1d(seed).tolist(), first]).generate_state(2)
-            view = view_of(tools, shot, band)
+            view = view_of(tools, posed, band)
             pixels = (band.stop - band.start) * camera.width
             mean = _mean_radiance(tools, traced, view, path, pixels, samples, own.tolist(), scene.background / WHITE)
             out[band] = WHITE * np.array(mean).T.reshape(-1, camera.width, channels)

@@ -17,12 +17,12 @@ from glob import glob
 from threading import RLock
 from typing import Any, NamedTuple
 
-from peaksim.area.bands import threads
+from peaksim.area.bands import thread_count
 from peaksim.errors import SceneError
 
 LEAST_LLVM = 17
 _VARIABLE = "DRJIT_LIBLLVM_PATH"
-_PLACES = (
+_FOLDERS = (
     "/usr/lib/llvm-*/lib/libLLVM*.so*",
     "/usr/lib/*-linux-gnu/libLLVM*.so*",
     "/usr/lib64/libLLVM*.so*",
@@ -81,7 +81,7 @@ def _load() -> Tools:
     import drjit
     import mitsuba
 
-    drjit.set_thread_count(threads())
+    drjit.set_thread_count(thread_count())
     return Tools(mitsuba, drjit)
 
 
@@ -117,7 +117,7 @@ def llvm_library() -> str | None:
 
 def _candidates() -> list[str]:
     """Return the libraries in the usual places, newest first, without those whose names say that they are too old."""
-    libraries = {os.path.realpath(path): path for place in _PLACES for path in glob(place)}
+    libraries = {os.path.realpath(path): path for pattern in _FOLDERS for path in glob(pattern)}
     versions = {path: _version(path) for path in libraries}
     return sorted((path for path, version in versions.items() if version >= LEAST_LLVM), key=lambda p: -versions[p])
 

@@ -40,21 +40,21 @@ def traceable(scene: Scene) -> Traceable:
     fill = tuple(light for light in scene.plain_lights if light.kind == "ambient" or not light.casts_shadows)
     travelling = [light for light in scene.lights if light not in fill]
     with tools_for(channels) as (mi, _):
-        # each thing is loaded by itself: their order in the scene, and so in its noise, is then the same every time
-        things: dict[str, Any] = {"type": "scene"}
+        # each object is loaded by itself: their order in the scene, and so in its noise, is then the same every time
+        objects: dict[str, Any] = {"type": "scene"}
         prints: dict[Any, Any] = {}
         for k, (quad, lift_m) in enumerate(zip(scene.quads, lifts_m(scene.quads), strict=True)):
             key = quad.texture, quad.material
             if key not in prints:
                 prints[key] = _two_sided(mi, _surface(mi, quad.material, _image(mi, quad)), _plain(mi, BACK_LEVEL))
             square = _rectangle(mi, quad.world_from_quad, quad.size_m, lift_m)
-            things[f"quad{k}"] = mi.load_dict({**square, "bsdf": prints[key]})
+            objects[f"quad{k}"] = mi.load_dict({**square, "bsdf": prints[key]})
         for k, mesh in enumerate(scene.meshes):
-            things[f"mesh{k}"] = _mesh(mi, mesh, channels)
+            objects[f"mesh{k}"] = _mesh(mi, mesh, channels)
         for k, light in enumerate(travelling):
-            things[f"light{k}"] = mi.load_dict(_emitter(mi, light))
+            objects[f"light{k}"] = mi.load_dict(_emitter(mi, light))
         is_lit = any(_strength(light) > 0 for light in travelling)
-        return Traceable(mi.load_dict(things), is_lit, fill if scene.lights else (Light("ambient", 1.0),))
+        return Traceable(mi.load_dict(objects), is_lit, fill if scene.lights else (Light("ambient", 1.0),))
 
 
 def _strength(light: Light | AreaLight | Environment) -> float:
@@ -158,5 +158,7 @@ def _surroundings(mi: Any, light: Environment) -> dict[str, Any]:
     grey_or_rgb = np.atleast_3d(light.image)
     pixels = np.ascontiguousarray(np.broadcast_to(grey_or_rgb, (*grey_or_rgb.shape[:2], 3)))
     # Mitsuba's map has y up, and its middle column looks along z: upright, that is −y
-    turn = mi.ScalarTransform4f().rotate([0, 0, 1], light.yaw_deg + 180) @ mi.ScalarTransform4f().rotate([1, 0, 0], 90)
-    return {"type": "envmap", "bitmap": mi.Bitmap(pixels), "scale": float(light.radiance), "to_world": turn}
+    rotation = mi.ScalarTransform4f().rotate([0, 0, 1], light.yaw_deg + 180) @ mi.ScalarTransform4f().rotate(
+        [1, 0, 0], 90
+    )
+    return {"type": "envmap", "bitmap": mi.Bitmap(pixels), "scale": float(light.radiance), "to_world": rotation}

@@ -1,4 +1,4 @@
-"""The rays of a shot: our own camera, row by row and over the exposure, as tables that kernels interpolate.
+"""The rays of an image: our own camera, row by row and over the exposure, as tables that kernels interpolate.
 
 Directions are bilinear in a pixel between `unproject` of its corners, as they are for the exact renderer: exact for a
 pinhole; a lens bends by less than a thousandth of a pixel within one. Poses are those of each row, at knots in time.
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.integrate import band_rays, corner_rays
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.camera.thin_lens import ThinLens
 from peaksim.traced.library import Tools
 
@@ -39,12 +39,12 @@ class View:
     """Whether the thin lens is in focus on a sphere: for fisheyes, which see more than half a space."""
 
 
-def view_of(tools: Tools, shot: Shot, rows: slice) -> View:
-    """Return some rows of a shot as tables of Mitsuba's current variant."""
-    camera, mi = shot.camera, tools.mi
+def view_of(tools: Tools, posed: PosedCamera, rows: slice) -> View:
+    """Return some rows of an image as tables of Mitsuba's current variant."""
+    camera, mi = posed.camera, tools.mi
     lattice = corner_rays(camera)
     corners = band_rays(camera, rows) if lattice is None else lattice[rows.start : rows.stop + 1]
-    poses = _poses(shot, rows)
+    poses = _poses(posed, rows)
     return View(
         corners=mi.Float(np.ascontiguousarray(corners, dtype=np.float32).ravel()),
         width=camera.width,
@@ -56,17 +56,17 @@ def view_of(tools: Tools, shot: Shot, rows: slice) -> View:
     )
 
 
-def _poses(shot: Shot, rows: slice) -> NDArray[np.float64]:
+def _poses(posed: PosedCamera, rows: slice) -> NDArray[np.float64]:
     """Return the (rows or 1, knots + 1, 4, 4) poses of rows over their exposure."""
-    camera = shot.camera
-    knots = KNOTS if shot.is_blurred else 0
-    late = np.arange(rows.start, rows.stop) - (camera.height - 1) / 2 if shot.is_rolling else np.zeros(1)
+    camera = posed.camera
+    knots = KNOTS if posed.is_blurred else 0
+    late = np.arange(rows.start, rows.stop) - (camera.height - 1) / 2 if posed.is_rolling else np.zeros(1)
     within = (np.arange(knots + 1) / knots - 0.5) * camera.exposure_s if knots else np.zeros(1)
-    times = shot.time_s + late[:, None] * camera.row_time_s + within
-    return shot.trajectory.poses_at(times.ravel()).reshape(*times.shape, 4, 4)
+    times = posed.time_s + late[:, None] * camera.row_time_s + within
+    return posed.trajectory.poses_at(times.ravel()).reshape(*times.shape, 4, 4)
 
 
-def rays(tools: Tools, view: View, pixel: Any, place: Any, moment: Any, aperture: Any) -> tuple[Any, Any]:
+def rays(tools: Tools, view: View, pixel: Any, position: Any, moment: Any, aperture: Any) -> tuple[Any, Any]:
     """Return world rays, and whether the lens sees anything there.
 
     Parameters
@@ -75,14 +75,14 @@ def rays(tools: Tools, view: View, pixel: Any, place: Any, moment: Any, aperture
         Rows of an image.
     pixel
         Numbers of pixels in these rows, row by row.
-    place, aperture
+    position, aperture
         Two numbers each, 0…1: where in the pixel, and where in the lens.
     moment
         Number 0…1: when in the exposure.
     """
     mi, dr = tools
     row = pixel // view.width
-    direction = _direction(tools, view, pixel + row, place)
+    direction = _direction(tools, view, pixel + row, position)
     seen = dr.isfinite(dr.squared_norm(direction))
     direction = dr.select(seen, direction, mi.Vector3f(0, 0, 1))
     x, y, z, eye = _pose(tools, view, row, moment)
@@ -95,14 +95,14 @@ def rays(tools: Tools, view: View, pixel: Any, place: Any, moment: Any, aperture
     return mi.RayDifferential3f(mi.Ray3f(mi.Point3f(eye), world)), seen
 
 
-def _direction(tools: Tools, view: View, corner: Any, place: Any) -> Any:
-    """Return directions at places between a corner of the table, its right and its lower neighbours."""
+def _direction(tools: Tools, view: View, corner: Any, position: Any) -> Any:
+    """Return directions at positions between a corner of the table, its right and its lower neighbours."""
     dr = tools.dr
     upper, lower = (
-        dr.lerp(_vector(tools, view.corners, k), _vector(tools, view.corners, k + 1), place.x)
+        dr.lerp(_vector(tools, view.corners, k), _vector(tools, view.corners, k + 1), position.x)
         for k in (corner, corner + view.width + 1)
     )
-    return dr.lerp(upper, lower, place.y)
+    return dr.lerp(upper, lower, position.y)
 
 
 def _pose(tools: Tools, view: View, row: Any, moment: Any) -> list[Any]:

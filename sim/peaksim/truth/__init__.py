@@ -1,4 +1,4 @@
-"""Ground truth: where markers and surfaces appear, how much of them is seen, and how they move."""
+"""Ground truth: where markers and surfaces appear, how much of them is visible, and how they move."""
 
 from peaksim.truth.flow import Flow, optical_flow
 from peaksim.truth.markers import marker_truth

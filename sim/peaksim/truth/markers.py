@@ -1,4 +1,4 @@
-"""Where every marker truly is in a picture, from the shot's own projection and exact ray casting."""
+"""Where every marker is in an image, from the posed camera's own projection and exact ray casting."""
 
 from typing import TYPE_CHECKING
 
@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from peaksim.area.rays import first_faces, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
+from peaksim.geometry.polygon import clip_polygon, polygon_area
 from peaksim.geometry.pose import invert, transform
 from peaksim.scene.scene import Scene, rectangle_m
 from peaksim.truth.shape import affinities, ellipses
@@ -17,14 +18,14 @@ if TYPE_CHECKING:
     from peaksim.area.rays import Solids
 
 _SAMPLES = 48
-"""Points along each side of a marker at which its visibility is asked: 2304 in all, an error of about 0.004."""
+"""Points along each side of a marker at which its visibility is tested: 2304 in all, an error of about 0.004."""
 _IN_PLANE_M = 1e-12
 """Faces closer than this are in one plane."""
 _MOMENTS = 32
-"""Moments of the exposure at which a centre is asked for."""
+"""Moments of the exposure at which a centre is projected."""
 
 
-def marker_truth(scene: Scene, shot: Shot) -> tuple[MarkerTruth, ...]:
+def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
     """Return one record a marker, in the scene's order."""
     owners = np.array([number for number, quad in enumerate(scene.quads) for _ in quad.marks], dtype=np.intp)
     if len(owners) == 0:
@@ -34,14 +35,14 @@ def marker_truth(scene: Scene, shot: Shot) -> tuple[MarkerTruth, ...]:
         [rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m)) for quad in scene.quads for mark in quad.marks]
     )
     centers, normals = corners.mean(axis=1), np.array([scene.quads[k].world_from_quad[:3, 2] for k in owners])
-    centers_xy, corners_xy = shot.project(centers), shot.project(corners.reshape(-1, 3)).reshape(-1, 4, 2)
-    eyes = shot.row_poses(np.nan_to_num(centers_xy[:, 1]))[:, :3, 3]
+    centers_xy, corners_xy = posed.project(centers), posed.project(corners.reshape(-1, 3)).reshape(-1, 4, 2)
+    eyes = posed.row_poses(np.nan_to_num(centers_xy[:, 1]))[:, :3, 3]
     distances = np.linalg.norm(eyes - centers, axis=1)
     cosines = ((eyes - centers) * normals).sum(axis=1) / np.maximum(distances, 1e-300)
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    shares = _visible_fractions(scene, shot, owners, corners, corners_xy, cosines > 0)
-    shapes = affinities(shot, corners), ellipses(shot, corners)
-    means, covariances = blur(shot.moments(_MOMENTS if shot.is_blurred else 1), centers)
+    shares = _visible_fractions(scene, posed, owners, corners, corners_xy, cosines > 0)
+    shapes = affinities(posed, corners), ellipses(posed, corners)
+    means, covariances = projection_blur(posed.moments(_MOMENTS if posed.is_blurred else 1), centers)
     return tuple(
         MarkerTruth(
             name=mark.name,
@@ -68,11 +69,13 @@ def face_corners_m(scene: Scene) -> NDArray[np.float64]:
     return np.concatenate([np.zeros((0, 4, 3)), *quads, *triangles])
 
 
-def blur(moments: tuple[Shot, ...], points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def projection_blur(
+    moments: tuple[PosedCamera, ...], points_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (n, 2) mean and (n, 2, 2) covariance of the projections of (n, 3) points over some moments."""
-    ways = np.stack([moment.project(points_m) for moment in moments])
-    away = ways - ways.mean(axis=0)
-    return ways.mean(axis=0), np.einsum("tni,tnj->nij", away, away) / len(ways)
+    paths_xy = np.stack([moment.project(points_m) for moment in moments])
+    away = paths_xy - paths_xy.mean(axis=0)
+    return paths_xy.mean(axis=0), np.einsum("tni,tnj->nij", away, away) / len(paths_xy)
 
 
 # --- what is hidden -------------------------------------------------------------------------------------------
@@ -80,7 +83,7 @@ def blur(moments: tuple[Shot, ...], points_m: NDArray[np.float64]) -> tuple[NDAr
 
 def _visible_fractions(
     scene: Scene,
-    shot: Shot,
+    posed: PosedCamera,
     owners: NDArray[np.intp],
     corners: NDArray[np.float64],
     corners_xy: NDArray[np.float64],
@@ -88,17 +91,17 @@ def _visible_fractions(
 ) -> NDArray[np.float64]:
     """Return the visible shares of (n, 4, 3) rectangles on quads of index `owners`: without rays where certain."""
     solids, faces = solids_of(scene, quads=True), face_corners_m(scene)
-    in_camera = transform(invert(shot.pose), corners)
-    seen = np.array([_may_be_seen(shot, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
+    in_camera = transform(invert(posed.pose), corners)
+    seen = np.array([_may_be_seen(posed, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
     shares = np.zeros(len(corners))
     for number in np.unique(owners[seen]):
         hiding = faces_before(faces, int(number))
-        if not shot.is_rolling:
-            hiding = hiding[may_hide(shot.pose[:3, 3], scene.quads[number].corners_m, hiding)]
+        if not posed.is_rolling:
+            hiding = hiding[may_hide(posed.pose[:3, 3], scene.quads[number].corners_m, hiding)]
         for k in np.flatnonzero(seen & (owners == number)):
-            hidden = _is_hidden(shot, corners[k], corners_xy[k], hiding)
-            share = None if hidden else _share_inside(shot, corners_xy[k])
-            shares[k] = visible_fraction(shot, solids, int(number), corners[k]) if share is None else share
+            hidden = _is_hidden(posed, corners[k], corners_xy[k], hiding)
+            share = None if hidden else _share_inside(posed, corners_xy[k])
+            shares[k] = visible_fraction(posed, solids, int(number), corners[k]) if share is None else share
     return shares
 
 
@@ -111,28 +114,28 @@ def faces_before(faces: NDArray[np.float64], number: int) -> NDArray[np.float64]
     return faces[np.where(in_plane, order > number, order != number)]
 
 
-def _share_inside(shot: Shot, corners_xy: NDArray[np.float64]) -> float | None:
-    """Return the share of a rectangle's image area that is in the picture, None where its sides bend or pass us."""
-    if _is_inside(shot, corners_xy):
+def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float | None:
+    """Return the share of a rectangle's image area in the image, None where its sides bend or pass behind us."""
+    if _is_inside(posed, corners_xy):
         return 1.0
-    if shot.is_rolling or not shot.camera.is_pinhole or not np.isfinite(corners_xy).all():
+    if posed.is_rolling or not posed.camera.is_pinhole or not np.isfinite(corners_xy).all():
         return None
-    end = np.array([shot.camera.width, shot.camera.height]) - 0.5
-    return polygon_area(clipped(corners_xy, end)) / polygon_area(corners_xy)
+    end = np.array([posed.camera.width, posed.camera.height]) - 0.5
+    return polygon_area(clip_polygon(corners_xy, (-0.5, -0.5), end)) / polygon_area(corners_xy)
 
 
 def _is_hidden(
-    shot: Shot, corners: NDArray[np.float64], corners_xy: NDArray[np.float64], faces: NDArray[np.float64]
+    posed: PosedCamera, corners: NDArray[np.float64], corners_xy: NDArray[np.float64], faces: NDArray[np.float64]
 ) -> bool:
     """Return whether a face may lie between a rectangle and the camera while its first or its last row is read."""
-    eyes = shot.row_poses([corners_xy[:, 1].min(), corners_xy[:, 1].max()])[:, :3, 3]
+    eyes = posed.row_poses([corners_xy[:, 1].min(), corners_xy[:, 1].max()])[:, :3, 3]
     return any(may_hide(eye, corners, faces).any() for eye in eyes)
 
 
-def _may_be_seen(shot: Shot, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
-    """Return whether a rectangle may be in the picture; False is certain."""
-    camera = shot.camera
-    if shot.is_rolling:
+def _may_be_seen(posed: PosedCamera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
+    """Return whether a rectangle may be in the image; False is certain."""
+    camera = posed.camera
+    if posed.is_rolling:
         return True
     if camera.model == "brown" and bool((in_camera[:, 2] <= 0).all()):
         return False
@@ -141,10 +144,10 @@ def _may_be_seen(shot: Shot, in_camera: NDArray[np.float64], corners_xy: NDArray
     return not bool(np.any(high <= -0.5) or np.any(low >= end))
 
 
-def _is_inside(shot: Shot, corners_xy: NDArray[np.float64]) -> bool:
-    """Return whether a rectangle is certainly wholly in the picture."""
-    camera = shot.camera
-    low, high = _bounds(camera, corners_xy, bends=shot.is_rolling or not camera.is_pinhole)
+def _is_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> bool:
+    """Return whether a rectangle is certainly in the image as a whole."""
+    camera = posed.camera
+    low, high = _bounds(camera, corners_xy, bends=posed.is_rolling or not camera.is_pinhole)
     end = np.array([camera.width, camera.height]) - 0.5
     return bool(np.all(low >= -0.5) and np.all(high <= end))
 
@@ -152,9 +155,9 @@ def _is_inside(shot: Shot, corners_xy: NDArray[np.float64]) -> bool:
 def _bounds(
     camera: Camera, corners_xy: NDArray[np.float64], bends: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the upper left and lower right of a box around a rectangle's picture; nan where that is not certain.
+    """Return the upper left and lower right of a box around a rectangle's image; nan where that is not certain.
 
-    A lens or a rolling shutter bends the sides of a rectangle that is small in the picture by far less than a quarter
+    A lens or a rolling shutter bends the sides of a rectangle that is small in the image by far less than a quarter
     of its diameter.
     """
     low, high = corners_xy.min(axis=0), corners_xy.max(axis=0)
@@ -196,55 +199,30 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
-def polygon_area(corners_xy: NDArray[np.float64]) -> float:
-    """Return the signed area of a polygon, px², positive if its corners run clockwise on the screen."""
-    (x, y), (next_x, next_y) = corners_xy.T, np.concatenate([corners_xy[1:], corners_xy[:1]]).T
-    return float((x * next_y - next_x * y).sum() / 2)
-
-
-def clipped(corners_xy: NDArray[np.float64], end_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (m, 2) part of a convex polygon between (−0.5, −0.5) and `end_xy` (Sutherland and Hodgman 1974)."""
-    for axis in (0, 1):
-        corners_xy = _cut(corners_xy, corners_xy[:, axis] + 0.5)
-        corners_xy = _cut(corners_xy, end_xy[axis] - corners_xy[:, axis])
-    return corners_xy
-
-
-def _cut(corners_xy: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the part of a polygon where depths, given at its (n, 2) corners and linear between, are not negative."""
-    kept = []
-    for a, b in zip(range(-1, len(depths) - 1), range(len(depths)), strict=True):
-        if (depths[a] < 0) != (depths[b] < 0):
-            kept.append(corners_xy[a] + depths[a] / (depths[a] - depths[b]) * (corners_xy[b] - corners_xy[a]))
-        if depths[b] >= 0:
-            kept.append(corners_xy[b])
-    return np.array(kept).reshape(-1, 2)
-
-
-def visible_fraction(shot: Shot, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
-    """Return the share of a rectangle's image area that is inside the picture and in front of all else.
+def visible_fraction(posed: PosedCamera, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
+    """Return the share of a rectangle's image area that is inside the image and in front of all else.
 
     The rectangle is sampled evenly; each sample counts by the image area that it stands for.
     """
     steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
     u, v = (grid.ravel() for grid in np.meshgrid(steps, steps))
     points = corners[0] + u[:, None] * (corners[1] - corners[0]) + v[:, None] * (corners[3] - corners[0])
-    xy = shot.project(points)
-    weights = area_weights(shot, points, corners)
-    inside = ((xy >= -0.5) & (xy <= [shot.camera.width - 0.5, shot.camera.height - 0.5])).all(axis=1)
-    eyes = np.broadcast_to(shot.row_poses(xy[inside, 1])[:, :3, 3], (int(inside.sum()), 3))
+    xy = posed.project(points)
+    weights = area_weights(posed, points, corners)
+    inside = posed.camera.contains(xy)
+    eyes = np.broadcast_to(posed.row_poses(xy[inside, 1])[:, :3, 3], (int(inside.sum()), 3))
     seen = np.zeros(len(points), dtype=bool)
     seen[inside] = first_faces(solids, eyes, points[inside] - eyes)[0] == number
     return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
 
 
-def area_weights(shot: Shot, points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def area_weights(posed: PosedCamera, points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the image area, in any unit, of equal patches of a plane at (n, 3) points."""
-    if shot.camera.is_pinhole and not shot.is_rolling:
-        depths_m = (points - shot.pose[:3, 3]) @ shot.pose[:3, 2]
+    if posed.camera.is_pinhole and not posed.is_rolling:
+        depths_m = (points - posed.pose[:3, 3]) @ posed.pose[:3, 2]
         return np.asarray(np.where(depths_m > 0, depths_m, np.inf) ** -3.0)
     step = 1e-4
     u, v = step * (corners[1] - corners[0]), step * (corners[3] - corners[0])
-    along_u = shot.project(points + u) - shot.project(points - u)
-    along_v = shot.project(points + v) - shot.project(points - v)
+    along_u = posed.project(points + u) - posed.project(points - u)
+    along_v = posed.project(points + v) - posed.project(points - v)
     return np.nan_to_num(np.abs(along_u[:, 0] * along_v[:, 1] - along_u[:, 1] * along_v[:, 0]))

@@ -1,38 +1,39 @@
-"""The shape of a printed square in the picture: its affinity at the centre, and the ellipse of its circle."""
+"""The shape of a printed square in the image: its affinity at the centre, and the ellipse of its circle."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.camera.frame import Ellipse
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 
 _STEP = 1e-4
 """Step of central differences, in sides."""
 _POINTS = 48
-_TURNS = 2 * np.pi * np.arange(_POINTS) / _POINTS
-_CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
+"""Corners of the regular polygon that stands for a circle."""
+_ANGLES = 2 * np.pi * np.arange(_POINTS) / _POINTS
+_CIRCLE = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / 2
 # second moments per area of a regular polygon to those of its circle
 _SPREAD = (2 + np.cos(2 * np.pi / _POINTS)) / 3
 
 
-def affinities(shot: Shot, corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def affinities(posed: PosedCamera, corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, 2, 2) px per side at the centres of (n, 4, 3) squares; columns are their x (right) and y (down)."""
     centers = corners_m.mean(axis=1)
     columns = []
     for side in (corners_m[:, 1] - corners_m[:, 0], corners_m[:, 3] - corners_m[:, 0]):
-        columns.append((shot.project(centers + _STEP * side) - shot.project(centers - _STEP * side)) / (2 * _STEP))
+        columns.append((posed.project(centers + _STEP * side) - posed.project(centers - _STEP * side)) / (2 * _STEP))
     return np.stack(columns, axis=2)
 
 
-def ellipses(shot: Shot, corners_m: NDArray[np.float64]) -> tuple[Ellipse, ...]:
-    """Return the picture of the circle inscribed in each of (n, 4, 3) squares, nan where part of it is not seen.
+def ellipses(posed: PosedCamera, corners_m: NDArray[np.float64]) -> tuple[Ellipse, ...]:
+    """Return the image of the circle inscribed in each of (n, 4, 3) squares, nan where part of it is behind the camera.
 
-    Through a pinhole a circle's picture is an ellipse; through a lens, or with a rolling shutter, this is the ellipse
+    Through a pinhole a circle's image is an ellipse; through a lens, or with a rolling shutter, this is the ellipse
     of the same centroid and second moments.
     """
     x, y = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 3] - corners_m[:, 0]
     rims = corners_m.mean(axis=1)[:, None] + _CIRCLE[:, :1] * x[:, None] + _CIRCLE[:, 1:] * y[:, None]
-    rims_xy = shot.project(rims.reshape(-1, 3)).reshape(-1, _POINTS, 2)
+    rims_xy = posed.project(rims.reshape(-1, 3)).reshape(-1, _POINTS, 2)
     seen = np.asarray(np.isfinite(rims_xy).all(axis=(1, 2)))
     middles, half_axes, angles = _of_same_moments(np.where(seen[:, None, None], rims_xy, _CIRCLE))
     nowhere = Ellipse(np.full(2, np.nan), (np.nan, np.nan), np.nan)

@@ -1,25 +1,24 @@
-"""What is seen at each pixel's centre: depth, ids and normals, by one exact ray each."""
+"""The surface at each pixel's centre: depth, ids and normals, by one exact ray each."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from peaksim.area.faces import triangles_m, unit_normals
 from peaksim.area.rays import first_faces, solids_of
 from peaksim.camera.frame import Surfaces
-from peaksim.camera.shutter import Shot
+from peaksim.camera.shutter import PosedCamera
 from peaksim.scene.scene import Scene
 
 
-def surfaces(scene: Scene, shot: Shot) -> Surfaces:
+def surfaces(scene: Scene, posed: PosedCamera) -> Surfaces:
     """Return depth, ids and normals at pixel centres."""
-    camera = shot.camera
-    x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
-    return surfaces_at(scene, shot, np.stack([x, y], axis=2))
+    return surfaces_at(scene, posed, posed.camera.pixel_centers())
 
 
-def surfaces_at(scene: Scene, shot: Shot, xy: NDArray[np.float64]) -> Surfaces:
+def surfaces_at(scene: Scene, posed: PosedCamera, xy: NDArray[np.float64]) -> Surfaces:
     """Return depth, ids and normals at (h, w, 2) px."""
     shape = xy.shape[:2]
-    poses, rays, world_rays = shot.rays(xy)
+    poses, rays, world_rays = posed.rays(xy)
     faces, parameters = first_faces(solids_of(scene, quads=True), poses[:, :3, 3], world_rays)
     mesh_of_face = np.repeat(np.arange(len(scene.meshes)), [len(m.faces) for m in scene.meshes])
     quads, hit = len(scene.quads), faces >= 0
@@ -41,7 +40,6 @@ def surfaces_at(scene: Scene, shot: Shot, xy: NDArray[np.float64]) -> Surfaces:
 
 def _normals(scene: Scene) -> NDArray[np.float64]:
     """Return the (f, 3) unit normals of all faces, quads first, world frame."""
-    triangles = np.concatenate([np.zeros((0, 3, 3)), *(mesh.triangles_m for mesh in scene.meshes)])
-    crossed = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    crossed /= np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-300)
-    return np.concatenate([np.array([q.world_from_quad[:3, 2] for q in scene.quads]).reshape(-1, 3), crossed])
+    triangles = triangles_m(scene.meshes)
+    of_triangles = unit_normals(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return np.concatenate([np.array([q.world_from_quad[:3, 2] for q in scene.quads]).reshape(-1, 3), of_triangles])

@@ -3,22 +3,26 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.arrays.lattice import Cell, Lattice, Markers, expected
+from peakmark.arrays.lattice import Cell, Lattice, MarkerShapes, expected
 
 TOLERANCE = 0.25
-"""Difference from white, and spread, that bare paper may show, in the contrast of the array's own markers."""
+"""Difference from white, and spread, that bare paper may show, in the contrast of the array's own markers. Set by
+hand: paper passes beside markers of any size and code, a missed marker or something in front does not (its tests)."""
 
 _CELL = np.linspace(-0.5, 0.5, 11)
+"""Sampled positions along a whole cell, in steps of the lattice."""
+
 _INNER = (np.arange(7) - 3) / 9
+"""The same along the inner two thirds of a marker, in its sides: clear of what lies beside the blank corner."""
 
 
-def is_blank(gray: NDArray[np.uint8], markers: Markers, lattice: Lattice, blank: Cell, pitch: float) -> bool:
+def is_blank(gray: NDArray[np.uint8], markers: MarkerShapes, lattice: Lattice, blank: Cell, pitch: float) -> bool:
     """Return whether a cell is as bright as the white in and around the lattice's markers, and even.
 
     Parameters
     ----------
     gray
-        (H, W) picture in which the markers were found.
+        (H, W) image in which the markers were found.
     markers, lattice
         The markers, and the array's among them.
     blank
@@ -34,7 +38,11 @@ def is_blank(gray: NDArray[np.uint8], markers: Markers, lattice: Lattice, blank:
 
 
 def _levels(
-    gray: NDArray[np.uint8], markers: Markers, lattice: Lattice, cells: NDArray[np.intp], steps: NDArray[np.float64]
+    gray: NDArray[np.uint8],
+    markers: MarkerShapes,
+    lattice: Lattice,
+    cells: NDArray[np.intp],
+    steps: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return the grey levels of the pixels nearest to a square grid of points in each of (k, 2) cells."""
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)

@@ -14,21 +14,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from peakmark.arrays.blank import is_blank
-from peakmark.arrays.lattice import Cell, Lattice, Limits, Markers, expected, lattices, positions
+from peakmark.arrays.lattice import Cell, Lattice, Limits, MarkerShapes, expected, lattices, positions
 from peakmark.arrays.paper import decode_upright
 from peakmark.errors import InputError
 from peakmark.identification.detection import Detection
+from peakmark.identification.suppression import suppress_non_maxima
 from peakmark.keypoints.image import as_gray
 from peakmark.markers.array_code import THREE_BIT, Layout, code_of
 
 ORIENTATION_MARGIN = 1.12
-"""Of two ways to lay a lattice through a marker the less square one must be this much less so to be dismissed."""
+"""Of two lattices through a marker the less square one must be this much less so to be dismissed. Set by hand; the
+tests hold it to no misread code under noise, with sizes alone as well."""
 
 QUIET_STEPS = 1.2
-"""No other marker of like size may be nearer to an array's cells, the blank one included, in steps of its lattice."""
+"""No other marker of like size may be nearer to an array's cells, the blank one included, in steps of its lattice. A
+marker of the same grid is one step away; one and a half, at which arrays should hang, stays well outside."""
 
-_OVERLAP = 0.6
-_LIKE_SIZE = 1.6
+LIKE_SIZE = 1.6
+"""Markers whose sides differ by a larger factor are not of one print: neither doubles nor neighbours. Set by hand, a
+little above the ratio up to which markers of one array may differ (`lattice.SIZE_RATIO`)."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +40,13 @@ class MarkerArray:
     """An array found in an image."""
 
     code: int | None
-    """What it says; None where the decoder is unsure."""
+    """The number that it carries; None where the decoder is unsure."""
     doubt: str
     """Why it is unsure, otherwise empty."""
     detections: tuple[Detection, ...]
     """Its markers in reading order from the blank corner; in no certain order without a code."""
     layout: Layout
-    """What was looked for."""
+    """The layout that was looked for."""
 
     @property
     def xy(self) -> NDArray[np.float64]:
@@ -83,7 +87,7 @@ def decode_arrays(
         (width, height) px. With it an array whose blank corner lies outside the image is unsure: a full block of
         markers that the border cuts looks the same.
     image
-        The picture itself, grey or RGB, which also tells its size. With it an array whose blank corner is not as bright
+        The image itself, grey or RGB, which also tells its size. With it an array whose blank corner is not as bright
         and even as bare paper is unsure: a full block of markers of which one was missed looks the same.
 
     Raises
@@ -98,15 +102,16 @@ def decode_arrays(
         if (layout.rows, layout.columns, layout.parity) != (2, 2, False):
             raise InputError("rule: expected the 2×2 layout without parity for the paper's rule")
         return tuple(_array(found, order, layout, "") for order in decode_upright(found))
-    seen = _seen(found, affinity)
-    chosen = np.array(distinct(found, seen.sizes), dtype=np.intp)
-    markers = Markers(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen])
+    seen = _shapes_of(found, affinity)
+    responses = np.array([d.response for d in found])
+    chosen = suppress_non_maxima(seen.xy, seen.sizes, responses, by_larger=False, like_size=LIKE_SIZE)
+    markers = MarkerShapes(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen])
     gray = None if image is None else as_gray(image)
     size = image_size if gray is None else (gray.shape[1], gray.shape[0])
     return _decode(tuple(found[i] for i in chosen), markers, layout, size, gray)
 
 
-def _seen(found: Sequence[Detection], affinity: ArrayLike | None) -> Markers:
+def _shapes_of(found: Sequence[Detection], affinity: ArrayLike | None) -> MarkerShapes:
     xy = np.array([d.xy for d in found], dtype=np.float64).reshape(-1, 2)
     shapes = np.array([d.size for d in found], dtype=np.float64).reshape(-1, 1, 1) * np.eye(2)
     if affinity is None:
@@ -116,24 +121,12 @@ def _seen(found: Sequence[Detection], affinity: ArrayLike | None) -> Markers:
     if measured.shape != shapes.shape:
         raise InputError(f"affinity: expected {shapes.shape}, got {measured.shape}")
     known = np.isfinite(measured).all(axis=(1, 2)) & (np.linalg.det(np.nan_to_num(measured)) > 1e-6)
-    return Markers(xy, np.where(known[:, None, None], measured, shapes), known)
-
-
-def distinct(found: Sequence[Detection], sizes: NDArray[np.float64]) -> list[int]:
-    """Return the indices of detections that overlap no stronger one of like size: paper does not."""
-    xy = np.array([d.xy for d in found], dtype=np.float64).reshape(-1, 2)
-    kept: list[int] = []
-    for i in np.argsort([-d.response for d in found], kind="stable"):
-        alike = np.abs(np.log(sizes[kept] / sizes[i])) <= np.log(_LIKE_SIZE)
-        gaps = np.linalg.norm(xy[kept] - xy[i], axis=1)
-        if not (alike & (gaps < _OVERLAP * sizes[kept])).any():
-            kept.append(int(i))
-    return kept
+    return MarkerShapes(xy, np.where(known[:, None, None], measured, shapes), known)
 
 
 @dataclass(frozen=True)
-class _Reading:
-    """One way to read a lattice."""
+class _Order:
+    """An order in which a lattice can be read."""
 
     order: tuple[int, ...]
     """Indices of the markers in reading order; of those that are there, if one is missing."""
@@ -142,31 +135,31 @@ class _Reading:
 
 
 @dataclass(frozen=True)
-class _Candidate:
-    """A lattice, and the ways in which the layout fits it: none, or one, more if markers are missing."""
+class _Block:
+    """A lattice, and the orders in which the layout fits it: none, or one, more if markers are missing."""
 
     lattice: Lattice
-    readings: list[_Reading]
+    readings: list[_Order]
 
     @property
     def members(self) -> frozenset[int]:
         return self.lattice.members
 
     @property
-    def squeeze(self) -> float:
-        return self.lattice.squeeze
+    def anisotropy(self) -> float:
+        return self.lattice.anisotropy
 
 
 def _decode(
     found: Sequence[Detection],
-    seen: Markers,
+    seen: MarkerShapes,
     layout: Layout,
     image_size: tuple[int, int] | None,
     gray: NDArray[np.uint8] | None,
 ) -> tuple[MarkerArray, ...]:
     if len(found) < 3:
         return ()
-    everything = [_Candidate(lattice, _readings(lattice, layout)) for lattice in lattices(seen, layout.pitch)]
+    everything = [_Block(lattice, _readings(lattice, layout)) for lattice in lattices(seen, layout.pitch)]
     arrays = []
     for candidate in everything:
         rivals = [other for other in everything if _is_rival(other, candidate, seen.limits)]
@@ -178,30 +171,30 @@ def _decode(
     return tuple(sorted(arrays, key=lambda a: (a.code is None, a.code or 0, tuple(a.xy))))
 
 
-def _is_rival(other: _Candidate, candidate: _Candidate, limits: Limits) -> bool:
+def _is_rival(other: _Block, candidate: _Block, limits: Limits) -> bool:
     """Return whether another lattice claims some of the markers; sheared parts of a larger array do not count."""
     if other is candidate or not other.members & candidate.members:
         return False
-    if other.squeeze >= max(ORIENTATION_MARGIN * candidate.squeeze, limits.plain_squeeze):
+    if other.anisotropy >= max(ORIENTATION_MARGIN * candidate.anisotropy, limits.plain_anisotropy):
         return False
     return bool(other.readings) or not other.members <= candidate.members
 
 
-def _is_better(rival: _Candidate, candidate: _Candidate, limits: Limits) -> bool:
+def _is_better(rival: _Block, candidate: _Block, limits: Limits) -> bool:
     """Return whether a rival explains as many markers so much better that the candidate need not be mentioned."""
-    least = max(ORIENTATION_MARGIN * rival.squeeze, limits.plain_squeeze)
-    return candidate.squeeze > least and len(rival.members) >= len(candidate.members)
+    least = max(ORIENTATION_MARGIN * rival.anisotropy, limits.plain_anisotropy)
+    return candidate.anisotropy > least and len(rival.members) >= len(candidate.members)
 
 
-def _rivalry(candidate: _Candidate, rivals: Sequence[_Candidate]) -> str:
+def _rivalry(candidate: _Block, rivals: Sequence[_Block]) -> str:
     """Return what rivals say against a candidate; an empty string if nothing."""
     if any(rival.members == candidate.members for rival in rivals):
         return "orientation is ambiguous"
     return "markers fit other blocks as well" if rivals else ""
 
 
-def _readings(lattice: Lattice, layout: Layout) -> list[_Reading]:
-    """Return how a lattice can be read: turned so that an empty corner is the upper left one and the box fits."""
+def _readings(lattice: Lattice, layout: Layout) -> list[_Order]:
+    """Return how a lattice can be read: rotated so that an empty corner is the upper left one and the box fits."""
     columns, rows = lattice.size
     left, top = np.array(list(lattice.cells)).min(axis=0)
     at = {(x - int(left), y - int(top)): index for (x, y), index in lattice.cells.items()}
@@ -210,15 +203,15 @@ def _readings(lattice: Lattice, layout: Layout) -> list[_Reading]:
     for _ in range(4):
         if (columns, rows) == (layout.columns, layout.rows) and (0, 0) not in at:
             order = tuple(at[cell] for cell in layout.cells if cell in at)
-            readings.append(_Reading(order, back[0, 0]))
-        # a quarter turn clockwise
+            readings.append(_Order(order, back[0, 0]))
+        # rotate by a quarter clockwise
         at = {(rows - 1 - y, x): index for (x, y), index in at.items()}
         back = {(rows - 1 - y, x): cell for (x, y), cell in back.items()}
         columns, rows = rows, columns
     return readings
 
 
-def _doubt(candidate: _Candidate, seen: Markers, image_size: tuple[int, int] | None) -> str:
+def _doubt(candidate: _Block, seen: MarkerShapes, image_size: tuple[int, int] | None) -> str:
     """Return what speaks against reading a candidate; an empty string if nothing does."""
     lattice, blank = candidate.lattice, candidate.readings[0].blank
     if len(lattice.empty) > 1:
@@ -232,17 +225,17 @@ def _doubt(candidate: _Candidate, seen: Markers, image_size: tuple[int, int] | N
     return ""
 
 
-def _has_blank(gray: NDArray[np.uint8], seen: Markers, candidate: _Candidate, pitch: float) -> bool:
+def _has_blank(gray: NDArray[np.uint8], seen: MarkerShapes, candidate: _Block, pitch: float) -> bool:
     return is_blank(gray, seen, candidate.lattice, candidate.readings[0].blank, pitch)
 
 
-def _is_crowded(lattice: Lattice, blank: Cell, seen: Markers) -> bool:
+def _is_crowded(lattice: Lattice, blank: Cell, seen: MarkerShapes) -> bool:
     others = np.setdiff1d(np.arange(len(seen.xy)), list(lattice.members))
     size = np.median(seen.sizes[list(lattice.members)])
-    others = others[np.abs(np.log(seen.sizes[others] / size)) <= np.log(_LIKE_SIZE)]
-    places = positions(seen, lattice)[others]
+    others = others[np.abs(np.log(seen.sizes[others] / size)) <= np.log(LIKE_SIZE)]
+    found = positions(seen, lattice)[others]
     cells = np.array([*lattice.cells, blank])
-    return bool((np.linalg.norm(places[:, None] - cells, axis=2) < QUIET_STEPS).any())
+    return bool((np.linalg.norm(found[:, None] - cells, axis=2) < QUIET_STEPS).any())
 
 
 def _array(found: Sequence[Detection], order: Sequence[int], layout: Layout, doubt: str) -> MarkerArray:

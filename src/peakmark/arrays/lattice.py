@@ -1,7 +1,7 @@
-"""Markers on a square lattice seen in perspective: frames of three, grown cell by cell.
+"""Markers on a square lattice seen in perspective: corners of three, grown cell by cell.
 
-A frame is a marker with its neighbours along the lattice's two axes, columns and rows, the second a clockwise turn
-from the first as for x and y in a picture: printed paper is never seen mirrored.
+A corner is a marker with its neighbours along the lattice's two axes, columns and rows, the second a quarter clockwise
+from the first as for x and y in an image: printed paper is never seen mirrored.
 """
 
 from dataclasses import dataclass
@@ -22,34 +22,39 @@ class Limits:
 
     area: float
     """Factor by which its side, as the root of its area, may differ from what each marker's size tells."""
-    squeeze: float
+    anisotropy: float
     """Ratio of its longest to its shortest side, after undoing the shape that is known."""
-    turn_deg: float
-    """Angle between its sides and those of the markers, up to quarter turns."""
-    plain_squeeze: float
-    """Up to this squeeze one square is as plausible as another."""
+    rotation_deg: float
+    """Angle between its sides and those of the markers, modulo 90°."""
+    plain_anisotropy: float
+    """Up to this ratio one square is as plausible as another."""
 
 
-BY_SIZE = Limits(area=1.35, squeeze=2.0, turn_deg=45.0, plain_squeeze=1.5)
-"""Where only SURF's sizes are known: squares tilted to 60°; those tilted to 48° look like any other."""
+BY_SIZE = Limits(area=1.35, anisotropy=2.0, rotation_deg=45.0, plain_anisotropy=1.5)
+"""Where only SURF's sizes are known: squares tilted to 60° (1 / cos 60° = 2); those tilted to 48° (1 / cos 48° = 1.5)
+look like any other. The area allows for the errors of a scale, and for perspective across an array."""
 
-BY_SHAPE = Limits(area=1.2, squeeze=1.5, turn_deg=15.0, plain_squeeze=1.0)
-"""Where refined markers tell their shapes."""
+BY_SHAPE = Limits(area=1.2, anisotropy=1.5, rotation_deg=15.0, plain_anisotropy=1.0)
+"""Where refined markers tell their shapes: what is left allows for perspective across an array and for noise."""
 
 SIZE_RATIO = 1.5
-"""Markers of one array differ less in size."""
+"""Markers of one array differ less in size: perspective across a near array, and the errors of a scale."""
 
 CELL_RADIUS = 0.3
 """A marker this near a cell's centre, in steps of the lattice, is in it."""
 
 _NEIGHBOURS = 12
+"""Nearest markers among which a corner is sought: the eight around a cell, and a few ghosts."""
+
 _TILT_PRIOR = 0.2
+"""Standard deviation of the perspective term g, per step of the lattice: 0.2 is a camera five steps away, grazing."""
+
 _SIDES: tuple[Cell, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 @dataclass(frozen=True)
-class Markers:
-    """Seen markers."""
+class MarkerShapes:
+    """Centres and shapes of detected markers."""
 
     xy: Points
     """(n, 2) centres, px."""
@@ -70,7 +75,7 @@ class Markers:
 
 
 @dataclass(frozen=True)
-class Frame:
+class Corner:
     """A marker and its neighbours one step along both axes."""
 
     origin: int
@@ -79,7 +84,7 @@ class Frame:
     """Index of the marker in cell (1, 0)."""
     down: int
     """Index of the marker in cell (0, 1)."""
-    squeeze: float
+    anisotropy: float
     """How far from square: longest over shortest side after undoing the shape that is known; 1 is a square."""
 
 
@@ -89,8 +94,8 @@ class Lattice:
 
     cells: dict[Cell, int]
     """(column, row) → index of the marker."""
-    squeeze: float
-    """Of the frame that it grew from."""
+    anisotropy: float
+    """Of the corner that it grew from."""
 
     @property
     def members(self) -> frozenset[int]:
@@ -113,18 +118,18 @@ class Lattice:
         return [cell for cell in box if cell not in self.cells]
 
 
-def frames(markers: Markers, pitch: float) -> list[Frame]:
-    """Return every frame whose sides fit markers of their size at `pitch` sides from one another."""
+def corners(markers: MarkerShapes, pitch: float) -> list[Corner]:
+    """Return every corner whose sides fit markers of their size at `pitch` sides from one another."""
     near = neighbours(markers, pitch)
     triples = np.array([(i, *pair) for i, others in enumerate(near) for pair in combinations(others, 2)], dtype=np.intp)
     return _fitting(markers, pitch, triples.reshape(-1, 3))
 
 
-def neighbours(markers: Markers, pitch: float) -> list[list[int]]:
+def neighbours(markers: MarkerShapes, pitch: float) -> list[list[int]]:
     """Return for each marker the nearest ones of like size that a step of the lattice may reach."""
     count = min(_NEIGHBOURS + 1, len(markers.xy))
     gaps, nearest = cKDTree(markers.xy).query(markers.xy, count)
-    longest = pitch * markers.limits.area * np.sqrt(markers.limits.squeeze)
+    longest = pitch * markers.limits.area * np.sqrt(markers.limits.anisotropy)
     longest = longest * np.linalg.norm(markers.shapes, ord=2, axis=(1, 2))
     sizes = markers.sizes
     ratio = sizes[nearest] / sizes[:, None]
@@ -133,7 +138,7 @@ def neighbours(markers: Markers, pitch: float) -> list[list[int]]:
     return [[int(j) for j in row[good]] for row, good in zip(nearest, fits, strict=True)]
 
 
-def _fitting(markers: Markers, pitch: float, triples: NDArray[np.intp]) -> list[Frame]:
+def _fitting(markers: MarkerShapes, pitch: float, triples: NDArray[np.intp]) -> list[Corner]:
     """Return those of (t, 3) markers, the corner first, that are squares within the limits."""
     limits = markers.limits
     sides = np.swapaxes(markers.xy[triples[:, 1:]] - markers.xy[triples[:, :1]], 1, 2) / pitch
@@ -145,31 +150,31 @@ def _fitting(markers: Markers, pitch: float, triples: NDArray[np.intp]) -> list[
     fits = (sizes.min(axis=1) >= 1 / limits.area) & (sizes.max(axis=1) <= limits.area)
     triples, sides = triples[fits], np.linalg.solve(markers.shapes[triples[fits, 0]], sides[fits])
     longest, shortest = np.linalg.svd(sides, compute_uv=False).T
-    fits = (longest <= limits.squeeze * shortest) & (_turn_deg(sides) <= limits.turn_deg)
-    squeezes = longest[fits] / shortest[fits]
-    kept = zip(triples[fits].tolist(), squeezes.tolist(), strict=True)
-    return [Frame(origin, along, down, squeeze) for (origin, along, down), squeeze in kept]
+    fits = (longest <= limits.anisotropy * shortest) & (_rotation_deg(sides) <= limits.rotation_deg)
+    anisotropies = longest[fits] / shortest[fits]
+    kept = zip(triples[fits].tolist(), anisotropies.tolist(), strict=True)
+    return [Corner(origin, along, down, anisotropy) for (origin, along, down), anisotropy in kept]
 
 
-def _turn_deg(sides: Points) -> Points:
-    """Return (n,) how far (n, 2, 2) sides are from the pattern's own axes, up to quarter turns, degrees 0…45."""
+def _rotation_deg(sides: Points) -> Points:
+    """Return (n,) how far (n, 2, 2) sides are from the pattern's own axes, modulo 90°: 0…45."""
     angle = np.degrees(np.arctan2(sides[:, 1, 0] - sides[:, 0, 1], sides[:, 0, 0] + sides[:, 1, 1]))
     return np.asarray(np.abs((angle + 45) % 90 - 45))
 
 
-def lattices(markers: Markers, pitch: float) -> list[Lattice]:
+def lattices(markers: MarkerShapes, pitch: float) -> list[Lattice]:
     """Return every lattice that markers may lie on, the squarest first; they overlap where geometry allows several."""
     seen: set[tuple[int, int, int]] = set()
     found = []
-    for frame in sorted(frames(markers, pitch), key=lambda f: f.squeeze):
-        if (frame.origin, frame.along, frame.down) not in seen:
-            found.append(grow(markers, frame))
-            seen |= _frames_of(found[-1])
+    for corner in sorted(corners(markers, pitch), key=lambda c: c.anisotropy):
+        if (corner.origin, corner.along, corner.down) not in seen:
+            found.append(grow(markers, corner))
+            seen |= _corners_of(found[-1])
     return found
 
 
-def _frames_of(lattice: Lattice) -> set[tuple[int, int, int]]:
-    """Return origin, along and down of all frames of a lattice, in its four orientations."""
+def _corners_of(lattice: Lattice) -> set[tuple[int, int, int]]:
+    """Return origin, along and down of all corners of a lattice, in its four orientations."""
     cells = lattice.cells
     return {
         (cells[x, y], cells[x + dx, y + dy], cells[x - dy, y + dx])
@@ -179,17 +184,17 @@ def _frames_of(lattice: Lattice) -> set[tuple[int, int, int]]:
     }
 
 
-def grow(markers: Markers, frame: Frame) -> Lattice:
-    """Return the lattice of a frame with every marker that continues it."""
-    lattice = Lattice({(0, 0): frame.origin, (1, 0): frame.along, (0, 1): frame.down}, frame.squeeze)
+def grow(markers: MarkerShapes, corner: Corner) -> Lattice:
+    """Return the lattice of a corner with every marker that continues it."""
+    lattice = Lattice({(0, 0): corner.origin, (1, 0): corner.along, (0, 1): corner.down}, corner.anisotropy)
     while True:
         new = _next_cells(markers, lattice)
         if not new:
             return lattice
-        lattice = Lattice({**lattice.cells, **new}, frame.squeeze)
+        lattice = Lattice({**lattice.cells, **new}, corner.anisotropy)
 
 
-def _next_cells(markers: Markers, lattice: Lattice) -> dict[Cell, int]:
+def _next_cells(markers: MarkerShapes, lattice: Lattice) -> dict[Cell, int]:
     """Return the markers in free cells beside those of a lattice."""
     around = {(x + dx, y + dy) for x, y in lattice.cells for dx, dy in _SIDES} - lattice.cells.keys()
     centers, inside = expected(markers, lattice, np.array(sorted(around), dtype=np.float64))
@@ -205,14 +210,14 @@ def _next_cells(markers: Markers, lattice: Lattice) -> dict[Cell, int]:
     return new
 
 
-def expected(markers: Markers, lattice: Lattice, cells: Points) -> tuple[Points, NDArray[np.bool_]]:
+def expected(markers: MarkerShapes, lattice: Lattice, cells: Points) -> tuple[Points, NDArray[np.bool_]]:
     """Return (k, 2) px where cells (k, 2) are seen, and whether they lie on this side of the horizon."""
     center, shape, tilt = _fit(markers, lattice)
     depth = 1 + cells @ tilt
     return center + cells @ shape.T / np.where(depth > 0, depth, np.nan)[:, None], depth > 0
 
 
-def positions(markers: Markers, lattice: Lattice) -> Points:
+def positions(markers: MarkerShapes, lattice: Lattice) -> Points:
     """Return (n, 2) columns and rows, as fractions, where all markers would lie in the plane of a lattice."""
     center, shape, tilt = _fit(markers, lattice)
     d = markers.xy - center
@@ -224,7 +229,7 @@ def positions(markers: Markers, lattice: Lattice) -> Points:
     return np.asarray(result)
 
 
-def _fit(markers: Markers, lattice: Lattice) -> tuple[Points, Points, Points]:
+def _fit(markers: MarkerShapes, lattice: Lattice) -> tuple[Points, Points, Points]:
     """Return c, A, g of x = c + A u / (1 + g·u), cells u → px x, by linear least squares.
 
     A prior of `_TILT_PRIOR` per step holds g at 0 where few or collinear markers do not tell it.

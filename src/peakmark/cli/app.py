@@ -1,67 +1,52 @@
-"""The command line: `peakmark COMMAND …`. Commands import what they need when they run."""
+"""The command line: `peakmark COMMAND …`. A command's module is imported when that command is called."""
 
-from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from importlib import import_module
+from typing import Any, NoReturn
 
-from peaksim.image_file import read_image
-from typer import Argument, Option, Typer
+from typer import Typer
+from typer.core import TyperGroup
+from typer.main import get_command, get_group
 
-from peakmark.cli import corpus as cli_corpus
-from peakmark.cli import regress as cli_regress
 from peakmark.cli.command import run_command
-from peakmark.cli.detect_files import Found, detect_files
-from peakmark.cli.envelope import envelope
-from peakmark.cli.marker import marker
 
-app = Typer(add_completion=False, no_args_is_help=True, help="Markers that SIFT and SURF cannot miss.")
-
-
-app.command()(marker)
-app.add_typer(cli_corpus.app, name="corpus")
-app.add_typer(cli_regress.app, name="regress")
-app.command()(envelope)
-
-
-@app.command()
-def detect(
-    source: Annotated[Path, Argument(help="A picture (PNG, JPEG, TIFF, …), a folder of pictures, or a film.")],
-    out: Annotated[Path, Option(help="Folder, or for one picture FILE.npz, .csv or .json.")] = Path("out/detect"),
-    detector: Annotated[str, Option(help="surf, surf-paper, sift, cv2:ORB, module:function, … (see README).")] = "surf",
-    threshold: Annotated[float | None, Option(help="Smallest response. [default: 100 for SURF]")] = None,
-    octaves: Annotated[int | None, Option(help="Octaves. [default: 4]")] = None,
-    layers: Annotated[int | None, Option(help="Searched layers an octave. [default: 3]")] = None,
-    extended: Annotated[bool, Option("--extended", help="Descriptors of 128 entries.")] = False,
-    upright: Annotated[bool, Option("--upright", help="Do not measure the orientation.")] = False,
-    strongest: Annotated[int | None, Option(help="Keep only so many key points.")] = None,
-    mask: Annotated[Path | None, Option(help="Picture, nonzero where key points may be.")] = None,
-    overlay: Annotated[bool, Option("--overlay", help="Also draw the key points, into NAME.overlay.png.")] = False,
-    format: Annotated[str, Option(help="Of the files in a folder: npz, csv or json.")] = "npz",
-    seed: Annotated[int, Option(help="Taken by every command; nothing here is random.")] = 0,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
-) -> None:
-    """Detect and describe key points in pictures, folders and films."""
-
-    def report(found: Found) -> None:
-        if not quiet:
-            print(f"{found.name}: {found.keypoints} key points in {found.width}×{found.height} px → {found.file}")
-
-    given = {"threshold": threshold, "octaves": octaves, "layers": layers, "strongest": strongest}
-    parameters: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    parameters |= {name: True for name, value in (("extended", extended), ("upright", upright)) if value}
-    if mask is not None:
-        parameters["mask"] = _read_mask(mask)
-    detect_files(source, out, detector, parameters, overlay, f".{format.lstrip('.')}", report)
+COMMANDS = {
+    "marker": ("peakmark.cli.marker:marker", "Write a print-ready sheet of markers."),
+    "envelope": (
+        "peakmark.cli.envelope:envelope",
+        "Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates.",
+    ),
+    "detect": ("peakmark.cli.detect:detect", "Detect and describe key points in images, folders and films."),
+    "corpus": ("peakmark.cli.corpus:app", "Annotated image sets of any size, rendered with exact truth."),
+    "regress": ("peakmark.cli.regress:app", "A detector's figures on rendered fly-throughs, beside accepted ones."),
+}
+"""Name → module and function or app in it, and the words for the list of commands."""
 
 
-def _read_mask(path: Path) -> Any:
-    levels = read_image(path)
-    return levels.any(axis=2) if levels.ndim == 3 else levels > 0
+class LazyGroup(TyperGroup):
+    """A group whose commands are imported when they are called, so that `peakmark --help` imports none of them."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the called command instead of the entry that stands for it in the list."""
+        name, entry, rest = super().resolve_command(ctx, args)
+        return name, entry and load_command(str(name)), rest
+
+
+def load_command(name: str) -> Any:
+    """Import a command, or a group of them, in the form that typer calls."""
+    module, _, attribute = COMMANDS[name][0].partition(":")
+    target = getattr(import_module(module), attribute)
+    if isinstance(target, Typer):
+        return get_group(target)
+    alone = Typer(add_completion=False)
+    alone.command(name)(target)
+    return get_command(alone)
+
+
+app = Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, help="Markers that SIFT and SURF cannot miss.")
+for _name, (_, _words) in COMMANDS.items():
+    app.command(_name, help=_words)(lambda: None)
 
 
 def main() -> NoReturn:
     """Entry point of `peakmark`."""
     run_command(app)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,28 +1,35 @@
-"""The command behind `scripts/render_cave.py`: arguments, progress, and what the terminal shows."""
+"""The commands behind the scripts of the SIFT/SURF CAVE: arguments, progress, and what the terminal shows."""
 
 from pathlib import Path
 from typing import Annotated, cast
 
 from peaksim.rendering import Renderer
 from rich.console import Console
-from rich.progress import Progress
 from typer import Option
 
-from peakmark.cli.terminal import print_table
+from peakmark.cli.options import NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples
+from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, print_path, print_table, progress_bar
+from peakmark.experiments.cave import fiducials_results, training_results, walk_results
+from peakmark.experiments.cave.dense_wall_results import compare_walls
+from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
+from peakmark.experiments.cave.evaluation_figures import headline
+from peakmark.experiments.cave.evaluation_results import write_evaluation
+from peakmark.experiments.cave.fiducials import compare_designs, conditions
+from peakmark.experiments.cave.rooms import Split
+from peakmark.experiments.cave.training import TrainingConfig
 from peakmark.experiments.cave.walk import CaveConfig
-from peakmark.experiments.cave.walk_results import result_rows, run
 
 
 def render_cave(
     scene: Annotated[str, Option(help="Scene file, or the name of a shipped scene.")] = CaveConfig.scene,
-    out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/cave"),
+    out: Out = Path("out/cave"),
     renderer: Annotated[str, Option(help="exact (no OpenGL), gl, traced (Mitsuba) or auto.")] = CaveConfig.renderer,
-    samples: Annotated[int, Option(help="Paths a pixel of the traced renderer.")] = CaveConfig.samples,
-    seed: Annotated[int, Option(help="Seed of the sensor noise.")] = CaveConfig.seed,
+    samples: Samples = CaveConfig.samples,
+    seed: NoiseSeed = CaveConfig.seed,
     frames: Annotated[
         int, Option(help="Frames of a walk through the room, each scored; more than 1 also makes a film.")
     ] = CaveConfig.frames,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Redo the paper's SIFT/SURF CAVE: render a room of posters, read its 3-bit marker arrays, score against truth.
 
@@ -31,8 +38,91 @@ def render_cave(
     """
     config = CaveConfig(scene, cast(Renderer, renderer), seed, frames, samples)
     console = Console(quiet=quiet)
-    with Progress(console=console, transient=True, disable=quiet) as progress:
-        task = progress.add_task("render, detect, decode, score", total=frames + 1)
-        result = run(config, out, lambda: progress.update(task, advance=1))
-    print_table(console, f"{scene} · {renderer} · seed {seed}", ("figure", "value"), result_rows(result))
-    console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
+    with progress_bar(console, "render, detect, decode, score", frames + 1) as bar:
+        result = walk_results.run_cave(config, out, bar.advance)
+    print_table(console, f"{scene} · {renderer} · seed {seed}", FIGURES, walk_results.result_rows(result))
+    print_path(console, out / "report.html")
+
+
+def evaluate_cave(
+    out: Out = Path("out/cave_evaluation"),
+    rooms: Annotated[int, Option(help="Random rooms.")] = EvaluationConfig.rooms,
+    views: RoomViews = EvaluationConfig.views,
+    split: Annotated[str, Option(help="held-out, or training to tune on.")] = EvaluationConfig.split,
+    size: Annotated[float, Option(help="Share of the cameras' width and height.")] = EvaluationConfig.size,
+    seed: RoomsSeed = EvaluationConfig.seed,
+    workers: Annotated[int, Option(help="Processes.")] = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Read random views (0.5–4 m, tilt to 45°, any roll, noise, blur) of rooms never used for tuning, and score them.
+
+    Writes report.html and result.json, and keeps each finished room in journal.jsonl: started again with the same
+    arguments, or with more rooms, it resumes where it stopped.
+    """
+    config = EvaluationConfig(rooms, views, cast(Split, split), size, seed)
+    console = Console(quiet=quiet)
+    with progress_bar(console, "render, read, score", rooms) as bar:
+        records = evaluate(config, out, workers, bar.show)
+    figures = write_evaluation(config, records, out)
+    print_table(console, f"{split} rooms · seed {seed}", FIGURES_WITH_INTERVALS, headline(figures))
+    print_path(console, out / "report.html")
+
+
+def train_classifier(
+    out: Out = Path("out/classifier"),
+    training_rooms: Annotated[int, Option(help="Random rooms to learn from.")] = TrainingConfig.training_rooms,
+    held_out_rooms: Annotated[
+        int, Option(help="Random rooms with other photographs, cameras and noise to evaluate on.")
+    ] = TrainingConfig.held_out_rooms,
+    views: RoomViews = TrainingConfig.views,
+    layers: Annotated[int, Option(help="Layers an octave of the key points.")] = TrainingConfig.layers,
+    seed: RoomsSeed = TrainingConfig.seed,
+    reuse: Annotated[bool, Option("--reuse", help="Take the samples that --out holds; render nothing.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Train the classifiers of key points on rendered rooms and evaluate them on others (the paper's Section 5).
+
+    Writes classifier.json (the kind that ships), roc.png, training.npz, held_out.npz, report.html and result.json.
+    """
+    config = TrainingConfig(training_rooms, held_out_rooms, views, seed, layers)
+    console = Console(quiet=quiet)
+    with progress_bar(console, "render rooms", training_rooms + held_out_rooms) as bar:
+        result = training_results.run_training(config, out, reuse, bar.advance)
+    print_table(console, "evaluated on held-out rooms", training_results.HEAD, training_results.table_rows(result))
+    print_path(console, out / "report.html")
+
+
+def dense_wall(
+    out: Out = Path("out/dense_wall"),
+    scene: Annotated[str, Option(help="Scene with posters called dark, light and mixed.")] = "cave",
+    threshold: Annotated[float, Option(help="Hessian threshold of the features.")] = 500.0,
+    seed: NoiseSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Count SURF features on walls with and without dense posters, and those found again from 30° beside.
+
+    Writes report.html and result.json.
+    """
+    title, table = compare_walls(scene, threshold, seed, out)
+    console = Console(quiet=quiet)
+    print_table(console, title, table.head, table.rows)
+    print_path(console, out / "report.html")
+
+
+def compare_fiducials(
+    out: Out = Path("out/fiducials"),
+    trials: Annotated[int, Option(help="Images a condition and design.")] = 25,
+    seed: Annotated[int, Option(help="Seed of walls, ids, cameras and noise.")] = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Compare markers and arrays with ArUco 4×4 and AprilTag 36h11 of the same printed side, on the same walls.
+
+    Writes rates.png (detection over side, tilt, noise, blur and occlusion), report.html and result.json.
+    """
+    console = Console(quiet=quiet)
+    with progress_bar(console, "render, detect, score", len(conditions())) as bar:
+        rows = compare_designs(trials, seed, bar.advance)
+    fiducials_results.write_comparison(rows, trials, seed, out)
+    title = f"right ids (wrong ones) of {trials} images each · seed {seed}"
+    print_table(console, title, fiducials_results.HEAD, fiducials_results.table_rows(rows))
+    print_path(console, out / "report.html")

@@ -20,8 +20,6 @@ def run_command(command: Callable[..., Any]) -> NoReturn:
         _stop(error, 2)
     except RendererError as error:
         _stop(error, 3)
-    except KeyboardInterrupt:
-        _stop("interrupted", 130)
     sys.exit(0)
 
 

@@ -5,12 +5,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from peaksim.scene.build import camera as build_camera
+from peaksim.scene.build import build_camera
 from peaksim.scene.file import read_table
 from rich.console import Console
 from rich.table import Table
 from typer import Option
 
+from peakmark.cli.options import Quiet, UnusedSeed
+from peakmark.cli.terminal import print_path
 from peakmark.errors import InputError
 from peakmark.experiments.detectability.envelope import REQUIRED, Rates, Reach, distance_m, load_rates, reach, sentence
 from peakmark.report import plots
@@ -29,8 +31,8 @@ def envelope(
     required: Annotated[float, Option(help="Detection rate that the lower end of its interval must reach.")] = REQUIRED,
     rates: Annotated[Path | None, Option(help="envelope.csv of a run of yours. [default: the shipped one]")] = None,
     out: Annotated[Path, Option(help="Folder for the map and result.json.")] = Path("out/envelope"),
-    seed: Annotated[int, Option(help="Taken by every command; nothing here is random.")] = 0,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+    seed: UnusedSeed = 0,
+    quiet: Quiet = False,
 ) -> None:
     """Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates."""
     focal_px = focal_length_px(camera)
@@ -39,15 +41,8 @@ def envelope(
     title = f"{marker}, {100 * side_m:g} cm, by {detector}; camera {camera}, noise σ {noise:g}"
     with result_folder(out) as folder:
         _write_map(folder, title, measured, focal_px, side_m, required)
-        settings = {
-            "camera": camera,
-            "focal_px": focal_px,
-            "side_m": side_m,
-            "marker": marker,
-            "detector": detector,
-            "noise": noise,
-            "required": required,
-        }
+        settings = {"camera": camera, "focal_px": focal_px, "side_m": side_m, "marker": marker}
+        settings |= {"detector": detector, "noise": noise, "required": required}
         write_json(folder / "result.json", {"settings": settings, "reach": [asdict(one) for one in reaches]})
     if not quiet:
         _print(title, side_m, reaches, out)
@@ -71,13 +66,8 @@ def focal_length_px(camera: str) -> float:
 
 def _write_map(folder: Path, title: str, measured: Rates, focal_px: float, side_m: float, required: float) -> None:
     figure, ax = plots.new_figure()
-    plots.envelope_map(
-        ax,
-        distance_m(measured.side_px, focal_px, side_m),
-        measured.tilt_deg,
-        measured.detected,
-        measured.detected_low >= required,
-    )
+    distances = distance_m(measured.side_px, focal_px, side_m)
+    plots.envelope_map(ax, distances, measured.tilt_deg, measured.detected, measured.detected_low >= required)
     ax.set(title=title)
     for ending in ("png", "svg"):
         plots.save(figure, folder / f"envelope.{ending}")
@@ -88,17 +78,14 @@ def _print(title: str, side_m: float, reaches: list[Reach], out: Path) -> None:
     for head in ("tilt", "nearest", "farthest", "misses between"):
         table.add_column(head, justify="right")
     for one in reaches:
-        table.add_row(
-            f"{one.tilt_deg:g}°",
-            _metres(one.nearest_m),
-            _metres(one.farthest_m),
-            ", ".join(f"{near:.2f}–{far:.2f} m" for near, far in one.gaps_m),
-        )
+        gaps = ", ".join(f"{near:.2f}–{far:.2f} m" for near, far in one.gaps_m)
+        table.add_row(f"{one.tilt_deg:g}°", _metres(one.nearest_m), _metres(one.farthest_m), gaps)
     console = Console()
     console.print(table)
     oblique = [one for one in reaches if one.tilt_deg <= _OBLIQUE_DEG][-1:]
-    lines = [*(sentence(side_m, one) for one in oblique), f"Results: {out / 'envelope.png'}"]
-    console.print("\n".join(lines), soft_wrap=True)
+    for one in oblique:
+        console.print(sentence(side_m, one), soft_wrap=True)
+    print_path(console, out / "envelope.png")
 
 
 def _metres(value: Any) -> str:

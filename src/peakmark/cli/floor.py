@@ -1,26 +1,32 @@
-"""The command behind `scripts/render_floor.py`: arguments, progress, and what the terminal shows."""
+"""The commands behind the scripts of the floor and of the robot: arguments, progress, and what the terminal shows."""
 
 from pathlib import Path
 from typing import Annotated, cast
 
 from peaksim.rendering import Renderer
 from rich.console import Console
-from rich.progress import Progress
 from typer import Option
 
-from peakmark.cli.terminal import print_table
-from peakmark.experiments.floor import flight_report, flight_results, still_results
+from peakmark.cli.options import NoiseSeed, Out, Quiet, Samples
+from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, print_path, print_table, progress_bar
+from peakmark.errors import InputError
+from peakmark.experiments.floor import flight_report, flight_results, flights_results, still_results
 from peakmark.experiments.floor.flight import FlightConfig
+from peakmark.experiments.floor.flights import FLIGHTS
 from peakmark.experiments.floor.still import FloorConfig
+from peakmark.experiments.robot import drive_results
+from peakmark.experiments.robot.drive import DriveConfig
 from peakmark.identification.api import Rule
+
+_STAGES = "render, detect, identify, score"
 
 
 def render_floor(
     scene: Annotated[str | None, Option(help="Scene file, or the name of a shipped scene. [default: floor]")] = None,
-    out: Annotated[Path, Option(help="Folder for the results; made if missing.")] = Path("out/floor"),
+    out: Out = Path("out/floor"),
     renderer: Annotated[str, Option(help="gl (pyrender), exact (no OpenGL), traced (Mitsuba) or auto.")] = "auto",
-    samples: Annotated[int, Option(help="Paths a pixel of the traced renderer.")] = FloorConfig.samples,
-    seed: Annotated[int, Option(help="Seed of the sensor noise.")] = 0,
+    samples: Samples = FloorConfig.samples,
+    seed: NoiseSeed = 0,
     texture: Annotated[
         str | None, Option(help="Floor photograph: gravel, brick, grass; in the hall also coins. [default: gravel]")
     ] = None,
@@ -45,7 +51,7 @@ def render_floor(
     resume: Annotated[
         bool, Option("--resume", help="Keep the finished frames of an interrupted --trajectory.")
     ] = False,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Redo the paper's robot experiment: render a lab floor with 14 markers, find them with SURF, score against truth.
 
@@ -53,47 +59,86 @@ def render_floor(
     result.json; with --frames also frames.csv and flight.mp4. With --trajectory it flies through instead, and writes
     frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and result.json.
     """
-    console = Console(stderr=False, quiet=quiet)
+    console = Console(quiet=quiet)
+    drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or ("paper" if trajectory is None else "joint"))
     if trajectory is not None:
-        drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or "joint")
         flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples)
         _fly(console, flight, out, resume)
     else:
-        still = FloorConfig(
-            scene or "floor",
-            texture,
-            cast(Renderer, renderer),
-            seed,
-            2.0 if stretch is None else stretch,
-            1 if frames is None else frames,
-            cast(Rule, rule or "paper"),
-            samples,
-        )
+        factor, count = 2.0 if stretch is None else stretch, 1 if frames is None else frames
+        still = FloorConfig(scene or "floor", texture, drawn_by, seed, factor, count, decided_by, samples)
         _render(console, still, out)
-    console.print(f"Results: {out / 'report.html'}", soft_wrap=True)
+    print_path(console, out / "report.html")
 
 
 def _render(console: Console, config: FloorConfig, out: Path) -> None:
-    with Progress(console=console, transient=True, disable=console.quiet) as progress:
-        task = progress.add_task("load scene", total=config.frames + 1)
-
-        def on_step() -> None:
-            progress.update(task, advance=1, description="render, detect, identify, score")
-
-        result = still_results.run(config, out, on_step)
-    title = f"{config.scene} · {result['renderer']} · seed {config.seed}"
-    print_table(console, title, ("figure", "value"), still_results.result_rows(result))
+    with progress_bar(console, _STAGES, config.frames + 1) as bar:
+        result = still_results.run_floor(config, out, lambda done, of: bar.show(done + 1, of + 1))
+    title = f"{config.scene} · {result.renderer} · seed {config.seed}"
+    print_table(console, title, FIGURES, still_results.result_rows(result))
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
-    with Progress(console=console, transient=True, disable=console.quiet) as progress:
-        task = progress.add_task("load scene", total=None)
-
-        def on_step(total: int) -> None:
-            progress.update(task, advance=1, total=total + 1, description="render, detect, identify, score")
-
-        result = flight_results.run(config, out, is_resumed, on_step)
-    for remark in result["remarks"]:
+    with progress_bar(console, _STAGES) as bar:
+        result = flight_results.run_flight(config, out, is_resumed, lambda done, of: bar.show(done + 1, of + 1))
+    for remark in result.remarks:
         console.print(f"note: {remark}")
-    title = f"{config.trajectory} · {result['renderer']} · seed {config.seed}"
-    print_table(console, title, ("figure", "value", "low", "high", "of"), flight_report.result_rows(result))
+    title = f"{config.trajectory} · {result.renderer} · seed {config.seed}"
+    print_table(console, title, FIGURES_WITH_INTERVALS, flight_report.result_rows(result))
+
+
+def evaluate_flights(
+    out: Annotated[Path, Option(help="Folder for the results; each flight gets a folder in it.")] = Path("out/flights"),
+    frames: Annotated[int | None, Option(help="Frames of each flight, from its start. [default: all]")] = None,
+    first: Annotated[int, Option(help="Only so many of the ten flights.")] = len(FLIGHTS),
+    seed: Annotated[int, Option(help="Added to the seed of each flight.")] = 0,
+    resume: Annotated[bool, Option("--resume", help="Keep what an interrupted run finished.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure finding markers over ten flights on floors never tuned for, and on images without any marker.
+
+    Recall, precision, distance and poses by side, tilt and distance, with intervals; the same frames under several
+    stretches. Writes report.html, result.json and the results of each flight.
+    """
+    if not 1 <= first <= len(FLIGHTS) or seed < 0:
+        raise InputError(f"expected --first 1…{len(FLIGHTS)} and --seed 0 or more, got {first} and {seed}")
+    console = Console(quiet=quiet)
+    chosen = [(ride, floor, own + seed) for ride, floor, own in FLIGHTS[:first]]
+    result = flights_results.run_flights(out, frames, resume, chosen, console.print)
+    print_table(console, f"{first} flights", FIGURES_WITH_INTERVALS, flights_results.headline(result))
+    print_path(console, out / "report.html")
+
+
+def drive_floor(
+    paths: Annotated[int, Option(help="Random paths, each driven once.")] = 20,
+    length: Annotated[float, Option(help="Length of each, m.")] = 10.0,
+    spacing: Annotated[float, Option(help="From marker to marker, m.")] = 0.3,
+    line_ends: Annotated[
+        float | None,
+        Option(help="Where the markers stop short, m: the robot must stop there. [default: beyond the end]"),
+    ] = None,
+    rate: Annotated[float, Option(help="Images that the robot takes a second.")] = 5.0,
+    scene: Annotated[str, Option(help="Scene whose floor, sensor and kind of marker are used.")] = "hall",
+    texture: Annotated[str | None, Option(help="Floor photograph. [default: the scene's first]")] = None,
+    renderer: Annotated[str, Option(help="gl, exact, traced (Mitsuba) or auto.")] = "auto",
+    samples: Samples = DriveConfig.samples,
+    out: Out = Path("out/drive"),
+    seed: Annotated[int, Option(help="Seed of paths, wheels and sensor.")] = 0,
+    resume: Annotated[bool, Option("--resume", help="Keep the finished paths of an interrupted run.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Let a robot drive along random lines of floor markers by nothing but what its camera sees of them.
+
+    Differential drive with wheel noise and latency; every frame is rendered, markers are found in it with SURF, and
+    the wheels follow. Writes paths.csv, top_view.png, drive.mp4 (the first path), report.html and result.json.
+    """
+    console = Console(quiet=quiet)
+    drawn_by = cast(Renderer, renderer)
+    config = DriveConfig(
+        paths, length, spacing, line_ends, scene, texture, drawn_by, seed, frames_per_second=rate, samples=samples
+    )
+    with progress_bar(console, "drive", paths) as bar:
+        result = drive_results.run_drives(config, out, resume, bar.show)
+    title = f"{scene} · {result.renderer} · seed {seed}"
+    print_table(console, title, FIGURES_WITH_INTERVALS, drive_results.result_rows(result))
+    print_path(console, out / "report.html")

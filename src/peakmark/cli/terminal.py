@@ -1,12 +1,53 @@
-"""What the commands print: tables of figures."""
+"""What the terminal shows: a bar while a command works, tables of figures, and where the results are."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from peakmark.report.page import cell
+
+FIGURES = ("figure", "value")
+"""Head of a table of figures."""
+
+FIGURES_WITH_INTERVALS = (*FIGURES, "low", "high", "of")
+"""Head of a table of figures with their intervals and the size of the sample."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A progress bar on the terminal."""
+
+    progress: Progress
+    """Draws it."""
+    task: TaskID
+    """Its line there."""
+
+    @property
+    def done(self) -> int:
+        """Steps so far."""
+        return int(self.progress.tasks[self.task].completed)
+
+    def advance(self, count: int = 1) -> None:
+        """Move the bar by so many steps."""
+        self.progress.advance(self.task, count)
+
+    def show(self, done: int, of: int) -> None:
+        """Move the bar to so many of so many steps."""
+        self.progress.update(self.task, completed=done, total=of)
+
+
+@contextmanager
+def progress_bar(console: Console, title: str, total: int | None = None) -> Iterator[Bar]:
+    """Show a bar while the block runs; a total that is not known yet is None."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=console.quiet) as progress:
+        yield Bar(progress, progress.add_task(title, total=total))
 
 
 def print_table(console: Console, title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -17,3 +58,8 @@ def print_table(console: Console, title: str, head: Sequence[str], rows: Sequenc
     for name, *values in rows:
         table.add_row(name, *map(cell, values))
     console.print(table)
+
+
+def print_path(console: Console, path: Path | str, title: str = "Results") -> None:
+    """Print where something was written, on one line however long it is."""
+    console.print(f"{title}: {path}", soft_wrap=True, markup=False)

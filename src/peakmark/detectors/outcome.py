@@ -1,4 +1,4 @@
-"""What a detector gave for one picture, and what it did wrong: named and counted, so that a long run goes on."""
+"""What a detector gave for one image, and what it did wrong: named and counted, so that a long run is not stopped."""
 
 from dataclasses import dataclass
 
@@ -14,17 +14,17 @@ class Outcome:
     """A detector's key points without what cannot be one."""
 
     keypoints: Keypoints
-    """Strongest first; finite and inside the picture."""
+    """Strongest first; finite and inside the image."""
     not_finite: int = 0
     """Key points with nan or inf, left out."""
     outside: int = 0
-    """Key points outside the picture, left out."""
+    """Key points outside the image, left out."""
     failure: str = ""
     """The exception's type and text, where the detector raised one."""
 
 
 def run_detector(detector: Detector, gray: NDArray[np.uint8]) -> Outcome:
-    """Run a detector on one picture; an exception or unusable key points are named and counted, not passed on."""
+    """Run a detector on one image; an exception or unusable key points are named and counted, not passed on."""
     try:
         keypoints = detector(gray)
     except Exception as error:

@@ -198,12 +198,12 @@ def import_function(name: str) -> Callable[..., Any]:
     """
     module_name, _, function_name = name.partition(":")
     try:
-        function = getattr(import_module(module_name), function_name)
+        function: Callable[..., Any] = getattr(import_module(module_name), function_name)
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(f"detector {name}: cannot be imported ({error}); is its folder on PYTHONPATH?") from error
     if not callable(function):
         raise InputError(f"detector {name}: expected a function, got {type(function).__name__}")
-    return function  # type: ignore[no-any-return]
+    return function
 
 
 def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters: Any) -> Keypoints:

@@ -11,6 +11,7 @@ from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.patterns import DOG_RATIO
 
 _MAX_KEYPOINTS = 1_000_000
+"""So many that none is left out: pycolmap's own limit is 8192."""
 
 
 def require_vlfeat() -> Any:
@@ -77,7 +78,7 @@ def signed_by_dog(
 
     `laplacian` is +1 where G(2^⅓ σ) − G(σ) is positive: a dark centre, as for SURF.
     """
-    dog = np.array([dog_response(gray, place, s) for place, s in zip(xy, sigma, strict=True)])
+    dog = np.array([dog_response(gray, center, s) for center, s in zip(xy, sigma, strict=True)])
     columns: dict[str, Any] = {
         "xy": xy,
         "size": 2 * sigma,
@@ -92,14 +93,14 @@ def signed_by_dog(
 
 
 def dog_response(gray: NDArray[np.uint8], xy: NDArray[np.float64], sigma: float) -> float:
-    """Return the DoG G(2^⅓ σ) − G(σ) of a picture (0…1) at a place in px, edges repeated."""
+    """Return the DoG G(2^⅓ σ) − G(σ) of an image (0…1) at a position in px, edges repeated."""
     reach = int(np.ceil(4 * DOG_RATIO * sigma))
-    center = np.rint(xy).astype(int)
+    nearest = np.rint(xy).astype(int)
     offsets = np.arange(-reach, reach + 1)
-    rows = np.clip(center[1] + offsets, 0, gray.shape[0] - 1)
-    columns = np.clip(center[0] + offsets, 0, gray.shape[1] - 1)
+    rows = np.clip(nearest[1] + offsets, 0, gray.shape[0] - 1)
+    columns = np.clip(nearest[0] + offsets, 0, gray.shape[1] - 1)
     window = gray[np.ix_(rows, columns)] / 255.0
-    across, down = (center[k] + offsets - xy[k] for k in (0, 1))
+    across, down = (nearest[k] + offsets - xy[k] for k in (0, 1))
     wide, narrow = (_normal(down, s) @ window @ _normal(across, s) for s in (DOG_RATIO * sigma, sigma))
     return float(wide - narrow)
 

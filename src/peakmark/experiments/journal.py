@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from peakmark.errors import InputError
+from peakmark.plain import to_plain
 
 
 @dataclass(frozen=True)
@@ -92,8 +93,26 @@ class Journal:
     def remove(self) -> None:
         """Delete what was kept: the results hold it now, or it is not wanted."""
         self.path.unlink(missing_ok=True)
-        shutil.rmtree(self.path.with_suffix(""), ignore_errors=True)
+        self.remove_files()
         self.records.clear()
+
+    def remove_files(self) -> None:
+        """Delete the files that belong to items; their records stay."""
+        shutil.rmtree(self.path.with_suffix(""), ignore_errors=True)
+
+
+def journal_key(values: Any) -> dict[str, Any]:
+    """Return the plain values of a configuration or camera that decide what records hold.
+
+    Fields of the traced renderer count only where it draws, so that journals from before it still fit.
+    """
+    plain: dict[str, Any] = to_plain(values)
+    if plain.get("renderer") != "traced":
+        plain.pop("samples", None)
+    for part in (plain, plain.get("camera", {})):
+        if part.get("thin_lens", "none") is None:
+            del part["thin_lens"]
+    return plain
 
 
 def _entry(line: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Key points → markers: `identify`, by the paper's rule or by the joint one (`identification_joint`, the default)."""
+"""Image → markers: `identify`, by the paper's rule (`paper`) or by one decision on each feature (`search`)."""
 
 from dataclasses import replace
 from typing import Any, Literal, get_args
@@ -6,12 +6,16 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from peakmark import surf
 from peakmark.errors import InputError
-from peakmark.identification.both import identify_both
-from peakmark.identification.detection import SIDE_OF_SCALE, Detection, Identification, as_detections, pattern_name
-from peakmark.identification.joint import find_markers
-from peakmark.identification.paper import select
+from peakmark.identification.detection import (
+    SIDE_OF_SCALE,
+    Detection,
+    Identification,
+    pattern_name,
+    unrefined_detections,
+)
+from peakmark.identification.paper import select_markers
+from peakmark.identification.search import PAD_SHARE, detect_to_the_border, find_markers, inside, search_image
 from peakmark.identification.signature import signature_distances
 from peakmark.identification.stretch import Stretch, stretched, unstretched
 from peakmark.keypoints.image import as_gray
@@ -23,15 +27,10 @@ from peakmark.refine.api import refine
 Rule = Literal["joint", "paper"]
 
 LOW_THRESHOLD = 100.0
-"""Hessian threshold that keeps tens of thousands of features of a floor picture ("very low", Section 4.2)."""
+"""Hessian threshold that keeps tens of thousands of features of a floor image ("very low", Section 4.2)."""
 
 STRONGEST = 300
-"""Features that `identify` describes; a picture with more markers in view needs more."""
-
-
-_PAD_SHARE = 0.05
-"""Rim that is added on every side before detection, as a share of the width, by repeating the outermost pixels: SURF
-needs more room around a marker than the marker itself covers."""
+"""Features that `identify` describes; an image with more markers in view needs more."""
 
 
 def identify(
@@ -54,17 +53,17 @@ def identify(
         paper's, `identification.stretch.floor_stretch` gives each row its own where the camera's pitch is known.
     polarity
         Which markers to look for. "both" is for walls: any number of dark and light ones, as `peakmark.decode_arrays`
-        wants them; see `identification_both`, which neither stretches nor uses the threshold.
+        wants them; see `search.search_image`, which neither stretches nor uses the threshold.
     threshold
         Hessian threshold of the detector.
     rule
-        "joint" weighs response, signature and scale of each feature, and aligns the printed pattern: for any number of
+        "joint" weighs response and signature of each feature, and aligns the printed pattern: for any number of
         markers, also none. "paper" ranks by response and cuts at the largest drop (Section 4.2).
     limit
         Which marker was printed: "energy" (the paper's) or "range".
     refine
-        Align the printed pattern with the picture (`peakmark.refine`): centres to hundredths of a pixel, and the
-        affinity. False leaves places and sizes as SURF tells them.
+        Align the printed pattern with the image (`peakmark.refine`): centres to hundredths of a pixel, and the
+        affinity. False leaves positions and sizes as SURF tells them.
 
     Raises
     ------
@@ -78,12 +77,12 @@ def identify(
     if polarity == "both":
         if (rule, limit) != ("joint", "energy"):
             raise InputError('rule, limit: expected "joint" and "energy" for both polarities')
-        return identify_both(gray).detections
-    features = stretched_features(gray, stretch, threshold, None if rule == "paper" else STRONGEST)
-    return examine(gray, features, polarity, rule, stretch, limit, refine).detections
+        return search_image(gray).detections
+    features = detect_stretched(gray, stretch, threshold, None if rule == "paper" else STRONGEST)
+    return identify_features(gray, features, polarity, rule, stretch, limit, refine).detections
 
 
-def stretched_features(
+def detect_stretched(
     gray: NDArray[np.uint8],
     stretch: Stretch,
     threshold: float = LOW_THRESHOLD,
@@ -96,15 +95,12 @@ def stretched_features(
     outside it are left out. Further `parameters` are those of `surf.detect_and_describe`.
     """
     height, width = gray.shape
-    pad = round(_PAD_SHARE * width)
-    padded = np.pad(stretched(gray, stretch), pad, mode="edge")
-    features = surf.detect_and_describe(padded, threshold=threshold, strongest=strongest, **parameters)
-    features = unstretched(features.with_columns(xy=features.xy - np.float32(pad)), stretch, height)
-    inside = (features.xy > -0.5) & (features.xy < np.array([width, height]) - 0.5)
-    return features[inside.all(axis=1)]
+    settings = {"threshold": threshold, "strongest": strongest, **parameters}
+    features = detect_to_the_border(stretched(gray, stretch), round(PAD_SHARE * width), **settings)
+    return inside(unstretched(features, stretch, height), gray.shape)
 
 
-def examine(
+def identify_features(
     gray: NDArray[np.uint8],
     features: Keypoints,
     polarity: Polarity = "dark",
@@ -119,18 +115,17 @@ def examine(
     assert features.descriptors is not None
     distances = signature_distances(features.descriptors, polarity)
     if rule == "paper":
-        rows = select(features, distances, polarity)
-        detections = tuple(as_detections(features, distances, polarity, rows))
-        return Identification(features, distances, refined(gray, detections, limit) if refine else detections)
-
+        rows = select_markers(features, distances, polarity)
+        plain = unrefined_detections(features, distances, polarity, rows)
+        return Identification(features, distances, refine_detections(gray, plain, limit) if refine else plain)
     detections = find_markers(gray, features, distances, stretch, polarity, limit)
     if not refine:
         rows = np.array([detection.rank - 1 for detection in detections], dtype=np.intp)
-        detections = tuple(as_detections(features, distances, polarity, rows))
+        detections = unrefined_detections(features, distances, polarity, rows)
     return Identification(features, distances, detections)
 
 
-def refined(
+def refine_detections(
     gray: NDArray[np.uint8], detections: tuple[Detection, ...], limit: Limit = "energy"
 ) -> tuple[Detection, ...]:
     """Return detections of one polarity with refined centre, size and affinity, where the pattern can be aligned."""

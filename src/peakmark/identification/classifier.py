@@ -18,7 +18,7 @@ from peakmark.errors import InputError
 
 COLUMNS = ("log_response", "vis_distance", "log_size", "quotient")
 """What is known of a key point: log₁₀ of the response, VIS distance, log₁₀ of the scale in px, and the response over
-the largest that a picture of the same contrast could give (`identification_joint.quotients`)."""
+the largest that an image of the same contrast could give (`evidence.response_quotients`)."""
 
 SHIPPED = Path(__file__).with_name("classifier.json")
 

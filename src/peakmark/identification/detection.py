@@ -54,37 +54,24 @@ def pattern_name(polarity: Polarity, limit: Limit) -> str:
     return f"surf-{polarity}" if limit == "energy" else f"surf-range-{polarity}"
 
 
-def as_detections(
-    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity, rows: NDArray[np.intp]
-) -> list[Detection]:
-    """Return features as detections, in the order given."""
-    return [
-        Detection(
-            number,
-            features.xy[i].astype(np.float64),
-            float(features.scale[i]),
-            polarity,
-            float(features.response[i]),
-            float(distances[i]),
-            int(i) + 1,
-        )
-        for number, i in enumerate(rows)
-    ]
-
-
 def is_polarity(features: Keypoints, polarity: Polarity) -> NDArray[np.bool_]:
     """Return (n,) whether features have a dark or light centre: OpenCV's class_id is +1 for a dark one."""
     return np.asarray(features.laplacian == (1 if polarity == "dark" else -1))
 
 
-def merged(features: Keypoints, candidates: NDArray[np.intp], radius: float = 0.6) -> NDArray[np.intp]:
-    """Return the candidates, given strongest first, without those near a stronger one, in sizes of that one.
-
-    A marker answers in more than one octave, and with ghosts of about 16 % of its response around its centre.
-    """
-    kept: list[int] = []
-    for i in candidates:
-        gaps = np.linalg.norm(features.xy[kept] - features.xy[i], axis=1)
-        if (gaps > radius * features.scale[kept]).all():
-            kept.append(int(i))
-    return np.array(kept, dtype=np.intp)
+def unrefined_detections(
+    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity, rows: NDArray[np.intp]
+) -> tuple[Detection, ...]:
+    """Return features as detections, in the order given, with the positions and sizes that SURF tells."""
+    return tuple(
+        Detection(
+            id=number,
+            xy=features.xy[row].astype(np.float64),
+            size=float(features.scale[row]),
+            polarity=polarity,
+            response=float(features.response[row]),
+            signature_distance=float(distances[row]),
+            rank=int(row) + 1,
+        )
+        for number, row in enumerate(rows)
+    )

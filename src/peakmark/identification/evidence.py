@@ -4,7 +4,6 @@ from functools import cache
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from peakmark.identification.signature import signature_distances
@@ -14,19 +13,16 @@ from peakmark.markers.optimum import quadratic_optimum
 from peakmark.markers.patterns import surf_filters, surf_form
 from peakmark.refine.api import Refined
 
-APART = 0.6
-"""Markers nearer than so many sides are one marker found twice."""
-
 
 def aligned_evidence(
-    shares: NDArray[np.float64], distances: NDArray[np.float64], refined: Refined, least_unexplained: float
+    quotients: NDArray[np.float64], distances: NDArray[np.float64], refined: Refined, least_unexplained: float
 ) -> NDArray[np.float64]:
     """Return (n, 4) columns: quotient, signature distance, −log of the unexplained share, blur in sides.
 
     Parameters
     ----------
-    shares
-        (n,) see `quotients`.
+    quotients
+        (n,) see `response_quotients`.
     distances
         (n,) signature distances.
     refined
@@ -37,13 +33,14 @@ def aligned_evidence(
     unexplained = np.maximum(1 - refined.explained, least_unexplained)
     with np.errstate(invalid="ignore"):
         blur = np.where(refined.converged, refined.blur_px / refined.side_px, 1.0)
-    return np.column_stack([shares, distances, -np.log(unexplained), blur])
+    return np.column_stack([quotients, distances, -np.log(unexplained), blur])
 
 
-def quotients(gray: NDArray[np.uint8], features: Keypoints, stretch: Stretch) -> NDArray[np.float64]:
-    """Return (n,) responses over the largest that a picture of the same variance under the filter can give, 0…1.
+def response_quotients(gray: NDArray[np.uint8], features: Keypoints, stretch: Stretch) -> NDArray[np.float64]:
+    """Return (n,) responses over the largest that any image of the same variance under the filter can give, 0…1.
 
-    Sub-pixel sizes and interpolation can lift it a little above 1.
+    The marker is the pattern that maximises this Rayleigh quotient (paper, Section 3.2), so it tells a dim marker from
+    a strong edge. Sub-pixel sizes and interpolation can lift it a little above 1.
     """
     factor = np.asarray(stretch, dtype=np.float64)
     if factor.ndim:
@@ -78,33 +75,8 @@ def _box_sums(table: NDArray[np.float64], low: NDArray[np.intp], high: NDArray[n
     return np.asarray(table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0])
 
 
-def one_each(xy: NDArray[np.float64], sides: NDArray[np.float64], worth: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the rows, best first, that are not within `APART` sides of a better one."""
-    order = np.argsort(-worth, kind="stable")
-    return np.asarray(order[_is_kept(xy[order], sides[order], APART)])
-
-
-@njit(cache=True, nogil=True)
-def _is_kept(xy, sides, apart):
-    """Return (n,) whether each, in this order, is farther than `apart` sides from all before it that are kept."""
-    kept = np.empty(len(xy), np.intp)
-    is_kept = np.zeros(len(xy), np.bool_)
-    count = 0
-    for i in range(len(xy)):
-        is_kept[i] = True
-        for k in kept[:count]:
-            x, y = xy[k, 0] - xy[i, 0], xy[k, 1] - xy[i, 1]
-            if not np.sqrt(x * x + y * y) > apart * max(sides[k], sides[i]):
-                is_kept[i] = False
-                break
-        if is_kept[i]:
-            kept[count] = i
-            count += 1
-    return is_kept
-
-
-def evidence(gray: NDArray[np.uint8], features: Keypoints) -> NDArray[np.float64]:
-    """Return the (n, len(COLUMNS)) columns of key points with descriptors, found in an unstretched picture."""
+def feature_evidence(gray: NDArray[np.uint8], features: Keypoints) -> NDArray[np.float64]:
+    """Return the (n, len(COLUMNS)) columns that a classifier weighs, of key points of an unstretched image."""
     assert features.descriptors is not None
     response = np.maximum(features.response.astype(np.float64), 1e-6)
     return np.column_stack(
@@ -112,6 +84,6 @@ def evidence(gray: NDArray[np.uint8], features: Keypoints) -> NDArray[np.float64
             np.log10(response),
             signature_distances(features.descriptors, None),
             np.log10(features.scale.astype(np.float64)),
-            quotients(gray, features, 1.0),
+            response_quotients(gray, features, 1.0),
         ]
     )

@@ -6,7 +6,8 @@ It needs markers in view: without any, or with weak ones beside strong ones, the
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.identification.detection import is_polarity, merged
+from peakmark.identification.detection import is_polarity
+from peakmark.identification.suppression import suppress_non_maxima
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.patterns import Polarity
 
@@ -20,9 +21,10 @@ RANKED = 1000
 """How many of the strongest features are searched for the drop."""
 
 
-def select(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> NDArray[np.intp]:
+def select_markers(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> NDArray[np.intp]:
     """Return the rows of the markers among all features of an image, which come strongest first."""
-    kept = merged(features, np.arange(min(len(features), RANKED)))
+    ranked = features[:RANKED]
+    kept = suppress_non_maxima(ranked.xy, ranked.scale, ranked.response, by_larger=False)
     kept = kept[: above_drop(features.response[kept])]
     return kept[is_polarity(features, polarity)[kept] & (distances[kept] <= SIGNATURE_LIMIT)]
 

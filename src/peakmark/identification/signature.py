@@ -52,8 +52,8 @@ def reference_descriptor(polarity: Polarity, is_on_paper: bool = False) -> NDArr
     Around it is the grey of its own border, as in the paper's Section 4.1, or white as on paper: the same for a dark
     marker, while the dark rim of a light one ends in an edge there, which the inner cells see.
 
-    The marker's four-fold symmetry makes its dominant gradient lie at ±27° from an axis whichever way it is
-    turned, so that one reference serves every rotation.
+    The marker's four-fold symmetry makes its dominant gradient lie at ±27° from an axis however it is
+    rotated, so that one reference serves all.
     """
     strongest: Keypoints = surf.detect_and_describe(_ideal_view(polarity, is_on_paper), strongest=1)
     assert strongest.descriptors is not None
@@ -63,7 +63,7 @@ def reference_descriptor(polarity: Polarity, is_on_paper: bool = False) -> NDArr
 
 
 def _ideal_view(polarity: Polarity, is_on_paper: bool) -> NDArray[np.uint8]:
-    """Return the set-up of Section 4.1: the marker centred on a plain 513×513 picture."""
+    """Return the set-up of Section 4.1: the marker centred on a plain 513×513 image."""
     marker = surf_marker(_REFERENCE_SIDE_PX, polarity)
     margin = (_REFERENCE_IMAGE_PX - _REFERENCE_SIDE_PX) // 2
     return np.pad(marker, margin, constant_values=255 if polarity == "dark" or is_on_paper else 0)

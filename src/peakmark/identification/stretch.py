@@ -1,6 +1,6 @@
-"""Vertical stretching before detection (paper, Section 4.2): a floor's markers look wider than high, and this mends it.
+"""Vertical stretching before detection (paper, Section 4.2): a floor's markers look wider than high, which it undoes.
 
-A stretch is a number for the whole picture, as in the paper, or one number a row: seen by a camera of known pitch,
+A stretch is a number for the whole image, as in the paper, or one number a row: seen by a camera of known pitch,
 each row of the floor has its own foreshortening.
 """
 
@@ -66,9 +66,10 @@ def floor_stretch(camera: Camera, pitch_deg: float) -> NDArray[np.float64]:
     Width over height of a small square on the floor, in the column of the principal point; at most 4, and 1 above
     the horizon.
     """
-    places = np.column_stack([np.full(camera.height, camera.cx), np.arange(camera.height)])
+    positions = np.column_stack([np.full(camera.height, camera.cx), np.arange(camera.height)])
     down = np.array([0, np.cos(np.radians(pitch_deg)), np.sin(np.radians(pitch_deg))])
-    below, above, right, left = (camera.unproject(places + step) for step in ([0, 0.5], [0, -0.5], [0.5, 0], [-0.5, 0]))
+    steps = ([0, 0.5], [0, -0.5], [0.5, 0], [-0.5, 0])
+    below, above, right, left = (camera.unproject(positions + step) for step in steps)
     ray = (below + above) / 2
     length = np.linalg.norm(ray, axis=1)
     sink = ray @ down / length

@@ -1,4 +1,4 @@
-"""Any image as the 8-bit grey image that the detectors work on; bad input is turned away here."""
+"""Any image as the 8-bit grey image that the detectors work on; bad input is refused here."""
 
 from typing import Any
 
@@ -48,5 +48,4 @@ def _as_uint8(pixels: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def _rgb_to_gray(levels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    gray: NDArray[np.uint8] = cv2.cvtColor(np.ascontiguousarray(levels), cv2.COLOR_RGB2GRAY)  # type: ignore[assignment]
-    return gray
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(levels), cv2.COLOR_RGB2GRAY), dtype=np.uint8)

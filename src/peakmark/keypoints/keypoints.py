@@ -92,9 +92,9 @@ class Keypoints:
     @classmethod
     def empty(cls, descriptor_length: int | None = None) -> Self:
         """No key points; `descriptors` is (0, descriptor_length), or None."""
-        none = np.zeros(0)
+        none: Any = np.zeros(0)
         descriptors = None if descriptor_length is None else np.zeros((0, descriptor_length), np.float32)
-        return cls(np.zeros((0, 2), np.float32), none, none, none, none, none, none, descriptors)  # type: ignore[arg-type]
+        return cls(np.zeros((0, 2), np.float32), none, none, none, none, none, none, descriptors)
 
     @classmethod
     def concatenate(cls, parts: "Sequence[Self]") -> Self:

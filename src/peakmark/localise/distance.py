@@ -36,11 +36,6 @@ def solid_angles(camera: Camera, xy: ArrayLike, side_px: ArrayLike) -> Values:
     return np.asarray(area * np.square(side_px))
 
 
-def distances_at_tilt(solid_angle_sr: ArrayLike, side_m: float, tilt_deg: ArrayLike) -> Values:
-    """Return (n,) distances, m, of markers whose tilt is known: s √(cos θ / ω)."""
-    return np.asarray(side_m * np.sqrt(np.cos(np.radians(tilt_deg)) / np.asarray(solid_angle_sr)))
-
-
 def distances_at_height(solid_angle_sr: ArrayLike, side_m: float, height_m: float) -> Values:
     """Return (n,) distances, m, of markers on a floor that is `height_m` below the camera.
 

@@ -1,11 +1,11 @@
-"""The floor under the camera, without a map: height and normal from how large and how squeezed the markers look."""
+"""The floor under the camera, without a map: height and normal from the size and shape that markers show."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert
+from peaksim.geometry.pose import Pose, compose
 from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, ray_slopes, solid_angles, unit_rays
@@ -45,14 +45,8 @@ def on_floor(floor: Floor, rays: NDArray[np.float64]) -> Values:
     down = -(rays @ floor.normal)
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.where(down > 1e-9, floor.height_m / down, np.nan)
-    turned = rays @ floor.floor_from_camera[:3, :3].T
-    return np.asarray(turned[:, :2] * reach[:, None])
-
-
-def floor_homography(floor: Floor, camera: Camera) -> NDArray[np.float64]:
-    """Return the (3, 3) matrix that maps floor (x, y, 1) in metres to homogeneous px of a pinhole camera."""
-    pose = invert(floor.floor_from_camera)
-    return np.asarray(camera.matrix @ np.column_stack([pose[:3, 0], pose[:3, 1], pose[:3, 3]]))
+    rotated = rays @ floor.floor_from_camera[:3, :3].T
+    return np.asarray(rotated[:, :2] * reach[:, None])
 
 
 def floor_from_areas(camera: Camera, xy: ArrayLike, side_px: ArrayLike, side_m: float) -> Floor | None:
@@ -131,10 +125,10 @@ def _floors_of_each(
     for ray, basis, angle in zip(rays, bases, angles, strict=True):
         axes, spans, _ = np.linalg.svd(basis @ angle)
         cosine = min(spans[1] / spans[0], 1.0)
-        squeezed = np.sqrt(1 - cosine**2) * (axes[:, 1] @ basis)
+        across = np.sqrt(1 - cosine**2) * (axes[:, 1] @ basis)
         distance = side_m / spans[0]
         for sign in (1, -1):
-            normal = sign * squeezed - cosine * ray
+            normal = sign * across - cosine * ray
             floors.append(normal * distance * cosine)
     return floors
 
@@ -148,8 +142,8 @@ def _shape_errors(
 ) -> Values:
     """Return (3n,) relative errors of the shapes on the plane `normal × height`.
 
-    On the plane a marker spans (s/d)² (1 − (Pn)(Pn)ᵀ) across its ray, whichever way it is turned; measured in units of
-    the seen shape that is the identity.
+    On the plane a marker spans (s/d)² (1 − (Pn)(Pn)ᵀ) across its ray, however it is rotated; measured in units of the
+    seen shape that is the identity.
     """
     height = np.linalg.norm(plane_m)
     normal = plane_m / height

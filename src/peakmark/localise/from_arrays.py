@@ -1,4 +1,4 @@
-"""The camera's pose from decoded arrays of known places: their codes say which marker is which.
+"""The camera's pose from decoded arrays whose places are known: their codes say which marker is which.
 
 Each refined marker gives its centre and its shape. One array is a flat target, which two poses explain nearly equally
 well (the mirrored one tilts the other way); several on different walls leave no such doubt.
@@ -13,10 +13,7 @@ from peaksim.camera.camera import Camera
 
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
-from peakmark.localise.pose import SIGMA_PX, Markers, PoseFit, candidate_poses, is_other, refine_pose
-
-FLIP_MARGIN = 8.0
-"""Log-likelihood by which the best pose must beat another one."""
+from peakmark.localise.pose import SIGMA_PX, Correspondences, PoseEstimate, estimate_pose
 
 
 @dataclass(frozen=True)
@@ -31,24 +28,9 @@ class Place:
     """Side of a marker."""
 
 
-@dataclass(frozen=True)
-class ArrayPose:
-    """The best pose, and what else would explain the picture."""
-
-    fit: PoseFit
-    """The pose with the smallest error."""
-    other: PoseFit | None
-    """The next different pose, such as the mirrored one of a flat target; None if there is none."""
-
-    @property
-    def is_certain(self) -> bool:
-        """Whether no other pose comes within `FLIP_MARGIN`."""
-        return self.other is None or self.other.cost - self.fit.cost >= FLIP_MARGIN
-
-
 def pose_from_arrays(
     camera: Camera, arrays: Sequence[MarkerArray], places: Mapping[int, Place], sigma_px: float = SIGMA_PX
-) -> ArrayPose | None:
+) -> PoseEstimate | None:
     """Return the camera's pose from every array with a code that is on the map; None without any.
 
     Parameters
@@ -70,17 +52,11 @@ def pose_from_arrays(
     known = [(array, places[array.code]) for array in arrays if array.code is not None and array.code in places]
     if not known:
         return None
-    markers = _markers(known, sigma_px)
-    xy, points = _corners(known, markers)
-    starts = candidate_poses(camera, xy, points)
-    fits = sorted((refine_pose(camera, start, markers) for start in starts), key=lambda fit: fit.cost)
-    if not fits:
-        return None
-    others = [fit for fit in fits[1:] if is_other(fits[0], fit)]
-    return ArrayPose(fits[0], others[0] if others else None)
+    seen = _correspondences(known, sigma_px)
+    return estimate_pose(camera, seen, *_corners(known, seen))
 
 
-def _markers(known: Sequence[tuple[MarkerArray, Place]], sigma_px: float) -> Markers:
+def _correspondences(known: Sequence[tuple[MarkerArray, Place]], sigma_px: float) -> Correspondences:
     found = [d for array, _ in known for d in array.detections]
     centers = [place.centers_m for _, place in known]
     if any(d.affinity is None for d in found):
@@ -88,7 +64,7 @@ def _markers(known: Sequence[tuple[MarkerArray, Place]], sigma_px: float) -> Mar
     if any(len(array.detections) != len(place.centers_m) for array, place in known):
         raise InputError("arrays: expected places with as many markers as their arrays")
     tangents = [np.broadcast_to(place.side_m * place.axes, (len(place.centers_m), 3, 2)) for _, place in known]
-    return Markers(
+    return Correspondences(
         xy=np.array([d.xy for d in found]),
         centers_m=np.concatenate(centers),
         tangents_m=np.concatenate(tangents),
@@ -98,30 +74,30 @@ def _markers(known: Sequence[tuple[MarkerArray, Place]], sigma_px: float) -> Mar
 
 
 def _corners(
-    known: Sequence[tuple[MarkerArray, Place]], markers: Markers
+    known: Sequence[tuple[MarkerArray, Place]], seen: Correspondences
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (5 k, 2) px and (5 k, 3) m of centres and the ends of the markers' axes.
 
-    The pattern looks the same after a quarter turn; the array tells where its rows run.
+    The pattern looks the same after a rotation by 90°; the array tells where its rows run.
     """
-    assert markers.affinity is not None
-    xy, points = [markers.xy], [markers.centers_m]
+    assert seen.affinity is not None
+    xy, points = [seen.xy], [seen.centers_m]
     first = 0
     for array, _ in known:
         rows = slice(first, first + len(array.detections))
         first = rows.stop
         along = array.steps_px[:, 0]
         for k in range(rows.start, rows.stop):
-            shape = turned_to(markers.affinity[k], along)
+            shape = rotated_to(seen.affinity[k], along)
             for axis in (0, 1):
                 for half in (-0.5, 0.5):
-                    xy.append(markers.xy[k : k + 1] + half * shape[:, axis])
-                    points.append(markers.centers_m[k : k + 1] + half * markers.tangents_m[k][:, axis])
+                    xy.append(seen.xy[k : k + 1] + half * shape[:, axis])
+                    points.append(seen.centers_m[k : k + 1] + half * seen.tangents_m[k][:, axis])
     return np.concatenate(xy), np.concatenate(points)
 
 
-def turned_to(affinity: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (2, 2) affinity after the quarter turns that bring its first axis nearest to a direction (2,)."""
+def rotated_to(affinity: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (2, 2) affinity rotated by the multiple of 90° that brings its first axis nearest to `along` (2,)."""
     quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
     shapes = [affinity @ np.linalg.matrix_power(quarter, k) for k in range(4)]
     return np.asarray(max(shapes, key=lambda s: float(s[:, 0] @ along) / float(np.linalg.norm(s[:, 0]))))

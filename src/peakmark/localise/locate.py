@@ -1,6 +1,6 @@
 """Where the camera is, from the markers it sees and a map of where they lie; no marker carries an identity.
 
-    seen markers ─▶ floor (localise_floor) ─▶ arrangements (localise_match) ─▶ poses (localise_pose) ─▶ decision
+    seen markers ─▶ floor (`floor`) ─▶ arrangements (`match`) ─▶ poses (`pose`) ─▶ decision
 
 The floor under the camera follows from the markers' sizes and shapes, so neither its height nor its tilt need be
 known. Laid out on that floor, the seen markers are moved onto the map in every way that fits; each way is refined
@@ -8,33 +8,38 @@ and weighed by what it explains. The best is taken only if no other comes near: 
 the same one marker on, and then the answer is None.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, rotation_about, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rotation_about, transform
 
 from peakmark.errors import InputError
 from peakmark.localise.distance import Values, unit_rays
 from peakmark.localise.floor import Floor, floor_from_areas, floor_from_shapes, on_floor
 from peakmark.localise.match import Arrangement, arrangements
-from peakmark.localise.pose import SIGMA_PX, Markers, PoseFit, expected_shapes, refine_pose, refined_sigmas
+from peakmark.localise.pose import (
+    SIGMA_PX,
+    Correspondences,
+    PoseEstimate,
+    PoseFit,
+    expected_shapes,
+    refine_pose,
+    refined_sigmas,
+)
 
 FEWEST = 4
 """Matched markers that a pose needs where their shapes are known."""
 
 FEWEST_WITHOUT_SHAPES = 6
-"""The same where only their sizes are: four or five centres fit a wrong place of a large map by chance."""
+"""The same where only their sizes are: four or five centres fit a wrong part of a large map by chance."""
 
 OUTLIER_COST = 6.0
-"""Log-likelihood that a seen marker of no place in the map costs; also the largest cost of a matched one."""
+"""Log-likelihood that a seen marker costs which is not on the map; also the largest cost of a matched one: 3.5 σ."""
 
 MISSED_COST = 3.0
-"""Log-likelihood that a marker of the map costs which should be seen and is not."""
-
-MARGIN = 8.0
-"""Log-likelihood by which the best pose must beat the next one."""
+"""Log-likelihood that a marker of the map costs which should be seen and is not: one in twenty is missed."""
 
 _WORST = 6.0
 """Error of a centre, in its σ and in the median of all, beyond which a marker is left out of the final pose."""
@@ -69,26 +74,24 @@ class FloorMap:
 
 
 @dataclass(frozen=True)
-class Located:
-    """A pose, and which marker was which."""
+class Located(PoseEstimate):
+    """A pose that is certain, its rival the next arrangement, and which marker was which."""
 
-    world_from_camera: Pose
-    """(4, 4)."""
     marker_of: NDArray[np.intp]
     """(n,) index into the map of each seen marker, −1 for those that are not on it."""
-    rms_px: float
-    """Reprojection error of the matched centres."""
-    margin: float
-    """Log-likelihood by which this pose beats the next arrangement; inf without one."""
+
+    @property
+    def world_from_camera(self) -> Pose:
+        """(4, 4)."""
+        return self.fit.world_from_camera
 
 
 @dataclass(frozen=True)
-class _Candidate:
-    """A refined arrangement."""
+class _Settled:
+    """A refined arrangement; its cost includes markers that are not on the map, and those that were missed."""
 
     fit: PoseFit
     marker_of: NDArray[np.intp]
-    cost: float
 
 
 def locate(
@@ -110,7 +113,7 @@ def locate(
     camera
         The camera.
     floor_map
-        The markers' places.
+        Where the markers are.
     xy
         (n, 2) seen centres, px.
     affinity
@@ -146,7 +149,7 @@ def _sharpened(camera: Camera, floor_map: FloorMap, found: Located, xy: Values, 
         chosen = np.flatnonzero(marker_of >= 0)
         center_sigma, shape_sigma = refined_sigmas(affinity[chosen])
         tangents = _level_tangents(floor_map.side_m, len(chosen))
-        markers = Markers(
+        markers = Correspondences(
             xy[chosen],
             floor_map.centers_m[marker_of[chosen]],
             tangents,
@@ -157,7 +160,7 @@ def _sharpened(camera: Camera, floor_map: FloorMap, found: Located, xy: Values, 
         fit = refine_pose(camera, found.world_from_camera, markers)
         off = np.linalg.norm(fit.errors_px, axis=1) / center_sigma
         if off.max() <= _WORST * max(1.0, float(np.median(off))):
-            return Located(fit.world_from_camera, marker_of, fit.rms_px, found.margin)
+            return Located(replace(fit, cost=found.fit.cost), found.rival, marker_of)
         marker_of[chosen[np.argmax(off)]] = -1
     return found
 
@@ -183,7 +186,7 @@ def _check(
 
 
 def _guesses(camera: Camera, floor_map: FloorMap, xy: Values, affinity: Values | None, side_px: Values) -> list[Pose]:
-    """Return the poses of all arrangements worth a look."""
+    """Return the poses of all arrangements of three markers or more."""
     if affinity is not None:
         floor, doubt = floor_from_shapes(camera, xy, affinity, floor_map.side_m), 0.04
     else:
@@ -202,8 +205,8 @@ def _guesses(camera: Camera, floor_map: FloorMap, xy: Values, affinity: Values |
 
 
 def _pose_of(floor: Floor, arrangement: Arrangement, level_m: float) -> Pose:
-    turn = rotation_about("z", float(np.degrees(arrangement.turn_rad)))
-    return compose(turn, [*arrangement.shift_m, level_m]) @ floor.floor_from_camera
+    rotation = rotation_about("z", float(np.degrees(arrangement.rotation_rad)))
+    return compose(rotation, [*arrangement.shift_m, level_m]) @ floor.floor_from_camera
 
 
 def _settle(
@@ -214,8 +217,8 @@ def _settle(
     side_px: Values,
     guess: Pose,
     sigma_px: float,
-) -> _Candidate | None:
-    """Pair and refine in turns, with ever tighter gates; None if too few markers agree in the end."""
+) -> _Settled | None:
+    """Pair and refine by turns, with ever tighter gates; None if too few markers agree in the end."""
     final_px = sigma_px * np.sqrt(2 * OUTLIER_COST)
     pose = guess
     for gate in (*(np.maximum(sides * side_px, final_px) for sides in _GATES), np.full(len(xy), final_px)):
@@ -224,7 +227,7 @@ def _settle(
         if chosen.sum() < _fewest(affinity is not None):
             return None
         centers = floor_map.centers_m[marker_of[chosen]]
-        markers = Markers(
+        markers = Correspondences(
             xy[chosen],
             centers,
             _level_tangents(floor_map.side_m, len(centers)),
@@ -237,7 +240,8 @@ def _settle(
     outliers = len(xy) - chosen.sum()
     missed = _surely_seen(camera, floor_map, pose)
     missed[marker_of[chosen]] = False
-    return _Candidate(fit, marker_of, fit.cost + OUTLIER_COST * outliers + MISSED_COST * missed.sum())
+    cost = fit.cost + OUTLIER_COST * outliers + MISSED_COST * missed.sum()
+    return _Settled(replace(fit, cost=float(cost)), marker_of)
 
 
 def _paired(camera: Camera, floor_map: FloorMap, pose: Pose, xy: Values, gate_px: Values) -> NDArray[np.intp]:
@@ -265,20 +269,16 @@ def _surely_seen(camera: Camera, floor_map: FloorMap, pose: Pose) -> NDArray[np.
     return np.asarray(inside.all(axis=1) & large)
 
 
-def _is_near(candidate: _Candidate, near: Pose, within_m: float, within_deg: float) -> bool:
-    apart = invert(near) @ candidate.fit.world_from_camera
-    angle = np.degrees(np.arccos(np.clip((np.trace(apart[:3, :3]) - 1) / 2, -1, 1)))
-    return bool(np.linalg.norm(apart[:3, 3]) <= within_m and angle <= within_deg)
+def _is_near(candidate: _Settled, near: Pose, within_m: float, within_deg: float) -> bool:
+    distance_m, angle_deg = pose_distance(near, candidate.fit.world_from_camera)
+    return distance_m <= within_m and angle_deg <= within_deg
 
 
-def _decide(candidates: list[_Candidate]) -> Located | None:
+def _decide(candidates: list[_Settled]) -> Located | None:
     """Return the best candidate if it explains most of what is seen and no other arrangement comes near."""
-    distinct = {c.marker_of.tobytes(): c for c in sorted(candidates, key=lambda c: -c.cost)}
-    ranked = sorted(distinct.values(), key=lambda c: c.cost)
+    by_arrangement = {c.marker_of.tobytes(): c for c in sorted(candidates, key=lambda c: -c.fit.cost)}
+    ranked = sorted(by_arrangement.values(), key=lambda c: c.fit.cost)
     if not ranked:
         return None
-    best = ranked[0]
-    margin = ranked[1].cost - best.cost if len(ranked) > 1 else np.inf
-    if margin < MARGIN or 2 * (best.marker_of >= 0).sum() <= len(best.marker_of):
-        return None
-    return Located(best.fit.world_from_camera, best.marker_of, best.fit.rms_px, float(margin))
+    found = Located(ranked[0].fit, ranked[1].fit if len(ranked) > 1 else None, ranked[0].marker_of)
+    return found if found.is_certain and 2 * (found.marker_of >= 0).sum() > len(found.marker_of) else None

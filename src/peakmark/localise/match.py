@@ -9,19 +9,18 @@ from scipy.spatial import cKDTree
 from peakmark.localise.distance import Values
 
 MOST_HYPOTHESES = 12
-"""Distinct arrangements that are kept for a closer look."""
+"""Distinct arrangements of which the poses are refined."""
 
-_MOST_PAIRS = 16
-_MOST_OF_ONE = 3
+_MOST_PAIRS, _MOST_OF_ONE = 16, 3
 """Pairs of seen markers from which arrangements are guessed, and how many of them may hold the same marker, so that
-one that is not on the map spoils few."""
+one that is not on the map spoils few. Set by hand, to bound the work."""
 
 
 @dataclass(frozen=True)
 class Arrangement:
     """A way to lay what is seen onto the map."""
 
-    turn_rad: float
+    rotation_rad: float
     """Rotation from floor to map coordinates."""
     shift_m: NDArray[np.float64]
     """(2,) translation after it."""
@@ -45,11 +44,11 @@ def arrangements(
     """
     pairs = _telling_pairs(seen_m, tolerance_m)
     motions = [_motions_of_pair(seen_m, tolerance_m, map_m, i, j) for i, j in pairs]
-    turns = np.concatenate([np.empty(0), *(turn for turn, _ in motions)])
+    rotations = np.concatenate([np.empty(0), *(rotation for rotation, _ in motions)])
     shifts = np.concatenate([np.empty((0, 2)), *(shift for _, shift in motions)])
-    if len(turns) == 0:
+    if len(rotations) == 0:
         return []
-    placed = rotated(seen_m[None], turns[:, None]) + shifts[:, None]
+    placed = rotated(seen_m[None], rotations[:, None]) + shifts[:, None]
     gaps, nearest = cKDTree(map_m).query(placed)
     gaps = gaps / tolerance_m
     fits = gaps < 1
@@ -58,15 +57,15 @@ def arrangements(
     for k in np.argsort(-score, kind="stable"):
         key = np.where(fits[k], nearest[k], -1).tobytes()
         if key not in found:
-            found[key] = Arrangement(float(turns[k]), shifts[k], int(fits[k].sum()))
+            found[key] = Arrangement(float(rotations[k]), shifts[k], int(fits[k].sum()))
         if len(found) == MOST_HYPOTHESES:
             break
     return list(found.values())
 
 
-def rotated(points: NDArray[np.float64], turn_rad: NDArray[np.float64] | float) -> Values:
-    """Return (..., 2) points turned counter-clockwise by (...) angles."""
-    c, s = np.cos(turn_rad), np.sin(turn_rad)
+def rotated(points: NDArray[np.float64], rotation_rad: NDArray[np.float64] | float) -> Values:
+    """Return (..., 2) points rotated counter-clockwise by (...) angles."""
+    c, s = np.cos(rotation_rad), np.sin(rotation_rad)
     x, y = points[..., 0], points[..., 1]
     return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
@@ -94,6 +93,6 @@ def _motions_of_pair(
     lengths = np.linalg.norm(steps, axis=2)
     alike = np.abs(lengths - np.linalg.norm(step)) < tolerance_m[i] + tolerance_m[j]
     a, b = np.nonzero(alike & (lengths > 0))
-    turns = np.arctan2(steps[a, b, 1], steps[a, b, 0]) - np.arctan2(step[1], step[0])
-    middle = (map_m[a] + map_m[b]) / 2 - rotated((seen_m[i] + seen_m[j])[None] / 2, turns)
-    return turns, middle
+    rotations = np.arctan2(steps[a, b, 1], steps[a, b, 0]) - np.arctan2(step[1], step[0])
+    middle = (map_m[a] + map_m[b]) / 2 - rotated((seen_m[i] + seen_m[j])[None] / 2, rotations)
+    return rotations, middle

@@ -2,7 +2,7 @@
 
 The floor is the plane z = 0 of a world of its own, in which the first frame stands above the origin and looks along
 y. A chart holds where the tracked markers lie on it and how well that is known, as an information matrix; each frame
-is a least-squares problem in its pose and the places, and its pose is marginalised out of the chart afterwards (a
+is a least-squares problem in its pose and the positions, and its pose is marginalised out of the chart afterwards (a
 filter of the kind of Davison et al., MonoSLAM, 2007, doi:10.1109/TPAMI.2007.1049). Lengths are metric, for the
 markers' side is known.
 """
@@ -19,19 +19,20 @@ from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, unit_rays
 from peakmark.localise.floor import floor_from_shapes, floor_of_pose, on_floor
-from peakmark.localise.pose import STEP, Markers, Residuals, moved, refined_sigmas
+from peakmark.localise.pose import STEP, Correspondences, Residuals, moved, refined_sigmas
 
 FEWEST_SHARED = 2
 """Markers of the chart that a frame must show."""
 
 _WORST = 8.0
-"""Whitened error from which a marker is not where it was laid out: another one, or a wrong track."""
+"""Whitened error from which a marker is not where it was laid out: another one, or a wrong track. A wide gate, for the
+chart drifts."""
 
 _FIXED = 1e8
-"""Information that holds the first frame in place."""
+"""Information that holds the first frame where it is: 0.1 mm and 0.1 mrad."""
 
 
-class Seen(NamedTuple):
+class TrackedMarkers(NamedTuple):
     """One frame's tracked markers."""
 
     ids: NDArray[np.intp]
@@ -41,9 +42,9 @@ class Seen(NamedTuple):
     affinity: NDArray[np.float64]
     """(n, 2, 2) shapes, px per side."""
 
-    def rows(self, chosen: NDArray[np.bool_]) -> "Seen":
+    def rows(self, chosen: NDArray[np.bool_]) -> "TrackedMarkers":
         """Return a selection."""
-        return Seen(self.ids[chosen], self.xy[chosen], self.affinity[chosen])
+        return TrackedMarkers(self.ids[chosen], self.xy[chosen], self.affinity[chosen])
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,10 @@ class Chart:
 
     ids: NDArray[np.intp]
     """(k,) track ids."""
-    places_m: NDArray[np.float64]
+    positions_m: NDArray[np.float64]
     """(k, 2) on the plane z = 0."""
     information: NDArray[np.float64]
-    """(2k, 2k) inverse covariance of the places, row by row."""
+    """(2k, 2k) inverse covariance of the positions, row by row."""
 
 
 def odometry(
@@ -75,12 +76,12 @@ def odometry(
     frames
         Track ids (n,), centres (n, 2) px and shapes (n, 2, 2) px per side of each frame.
     sigma_px
-        Error of centres and shapes; None: what `localise_pose.refined_sigmas` says of each.
+        Error of centres and shapes; None: what `pose.refined_sigmas` says of each.
     """
     chart: Chart | None = None
     pose: Pose | None = None
     for ids, xy, affinity in frames:
-        seen = Seen(
+        seen = TrackedMarkers(
             np.asarray(ids, np.intp),
             np.asarray(xy, float).reshape(-1, 2),
             np.asarray(affinity, float).reshape(-1, 2, 2),
@@ -95,7 +96,9 @@ def odometry(
         yield None if placed is None else pose
 
 
-def start(camera: Camera, side_m: float, seen: Seen, sigma_px: float | None = None) -> tuple[Pose, Chart] | None:
+def start(
+    camera: Camera, side_m: float, seen: TrackedMarkers, sigma_px: float | None = None
+) -> tuple[Pose, Chart] | None:
     """Return the pose and the chart of a first frame; None if it shows fewer than `FEWEST_SHARED` markers."""
     floor = floor_from_shapes(camera, seen.xy, seen.affinity, side_m) if len(seen.ids) >= FEWEST_SHARED else None
     if floor is None:
@@ -105,7 +108,12 @@ def start(camera: Camera, side_m: float, seen: Seen, sigma_px: float | None = No
 
 
 def advance(
-    camera: Camera, side_m: float, chart: Chart, before: Pose | None, seen: Seen, sigma_px: float | None = None
+    camera: Camera,
+    side_m: float,
+    chart: Chart,
+    before: Pose | None,
+    seen: TrackedMarkers,
+    sigma_px: float | None = None,
 ) -> tuple[Pose, Chart] | None:
     """Return the pose of one more frame and the chart after it; None if too few of the chart's markers fit.
 
@@ -122,20 +130,26 @@ def advance(
 
 
 def _solve(
-    camera: Camera, side_m: float, chart: Chart, guess: Pose, seen: Seen, sigma_px: float | None, is_first: bool = False
+    camera: Camera,
+    side_m: float,
+    chart: Chart,
+    guess: Pose,
+    seen: TrackedMarkers,
+    sigma_px: float | None,
+    is_first: bool = False,
 ) -> tuple[Pose, Chart, Values]:
     """Return the frame's pose, the chart with its markers, and the (n,) whitened errors of their centres."""
     prior = _with_new(camera, chart, guess, seen)
     rows = np.searchsorted(prior.ids, seen.ids)
-    count = prior.places_m.size
+    count = prior.positions_m.size
     root = _root(prior.information)
     residuals = _residuals(camera, side_m, seen, sigma_px)
     gauge = np.sqrt(_FIXED) * np.concatenate([guess[:3, :3][2:], guess[:3, :3][:2]])
 
     def errors(x: Values) -> Values:
         poses = np.stack([moved(guess, step) for step in x[:, :6]])
-        places = prior.places_m + x[:, 6:].reshape(len(x), -1, 2)
-        centers = np.concatenate([places[:, rows], np.zeros((len(x), len(rows), 1))], axis=2)
+        positions = prior.positions_m + x[:, 6:].reshape(len(x), -1, 2)
+        centers = np.concatenate([positions[:, rows], np.zeros((len(x), len(rows), 1))], axis=2)
         held = [x[:, :3] @ gauge[:1].T, x[:, 3:6] @ gauge[1:].T] if is_first else []
         return np.concatenate([residuals.at(poses, centers), x[:, 6:] @ root.T, *held], axis=1)
 
@@ -144,32 +158,32 @@ def _solve(
         return np.asarray((values[1:] - values[0]).T / STEP)
 
     fit = least_squares(lambda x: errors(x[None])[0], np.zeros(6 + count), slopes, xtol=1e-7, ftol=1e-7, gtol=1e-7)
-    places = prior.places_m + fit.x[6:].reshape(-1, 2)
+    positions = prior.positions_m + fit.x[6:].reshape(-1, 2)
     information = _marginal(fit.jac.T @ fit.jac, np.arange(6 + count) >= 6)
     off = np.linalg.norm(fit.fun[: 2 * len(rows)].reshape(-1, 2), axis=1)
-    return moved(guess, fit.x[:6]), Chart(prior.ids, places, information), off
+    return moved(guess, fit.x[:6]), Chart(prior.ids, positions, information), off
 
 
-def _residuals(camera: Camera, side_m: float, seen: Seen, sigma_px: float | None) -> Residuals:
+def _residuals(camera: Camera, side_m: float, seen: TrackedMarkers, sigma_px: float | None) -> Residuals:
     count = len(seen.ids)
     tangents = np.broadcast_to(side_m * np.eye(3)[:, :2], (count, 3, 2))
     center, shape = refined_sigmas(seen.affinity) if sigma_px is None else (sigma_px, sigma_px)
-    return Residuals.of(
-        camera, Markers(seen.xy, np.zeros((count, 3)), tangents, seen.affinity, sigma_px=center, shape_sigma_px=shape)
-    )
+    centers = np.zeros((count, 3))
+    markers = Correspondences(seen.xy, centers, tangents, seen.affinity, sigma_px=center, shape_sigma_px=shape)
+    return Residuals.of(camera, markers)
 
 
-def _with_new(camera: Camera, chart: Chart, guess: Pose, seen: Seen) -> Chart:
+def _with_new(camera: Camera, chart: Chart, guess: Pose, seen: TrackedMarkers) -> Chart:
     """Return the chart, sorted by id, with a frame's new markers where they seem to lie, of which nothing is known."""
     new = ~np.isin(seen.ids, chart.ids)
     floor = floor_of_pose(guess)
     own = np.nan_to_num(on_floor(floor, unit_rays(camera, seen.xy[new])))
     world = transform(guess @ invert(floor.floor_from_camera), np.column_stack([own, np.zeros(len(own))]))[:, :2]
-    ids, places = np.concatenate([chart.ids, seen.ids[new]]), np.concatenate([chart.places_m, world])
+    ids, positions = np.concatenate([chart.ids, seen.ids[new]]), np.concatenate([chart.positions_m, world])
     information = np.pad(chart.information, (0, 2 * len(own)))
     order = np.argsort(ids)
     entries = (2 * order[:, None] + [0, 1]).ravel()
-    return Chart(ids[order], places[order], information[np.ix_(entries, entries)])
+    return Chart(ids[order], positions[order], information[np.ix_(entries, entries)])
 
 
 def _forget(chart: Chart, seen: NDArray[np.intp]) -> Chart:
@@ -179,7 +193,7 @@ def _forget(chart: Chart, seen: NDArray[np.intp]) -> Chart:
     kept = np.ones(len(chart.ids), dtype=bool)
     kept[np.flatnonzero(spare)[:excess]] = False
     entries = np.repeat(kept, 2)
-    return Chart(chart.ids[kept], chart.places_m[kept], _marginal(chart.information, entries))
+    return Chart(chart.ids[kept], chart.positions_m[kept], _marginal(chart.information, entries))
 
 
 def _marginal(information: NDArray[np.float64], kept: NDArray[np.bool_]) -> Values:
@@ -197,16 +211,16 @@ def _root(information: NDArray[np.float64]) -> Values:
     return np.asarray(np.sqrt(np.clip(values, 0, None))[:, None] * vectors.T)
 
 
-def _aligned(camera: Camera, side_m: float, chart: Chart, seen: Seen) -> Pose:
+def _aligned(camera: Camera, side_m: float, chart: Chart, seen: TrackedMarkers) -> Pose:
     """Return the pose that lays a frame's own floor onto the chart (Kabsch, in the plane)."""
     known = seen.rows(np.isin(seen.ids, chart.ids))
     floor = floor_from_shapes(camera, known.xy, known.affinity, side_m)
     assert floor is not None
     own = on_floor(floor, unit_rays(camera, known.xy))
-    places = chart.places_m[np.searchsorted(chart.ids, known.ids)]
-    a, b = own - own.mean(axis=0), places - places.mean(axis=0)
-    turn = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-    c, s = np.cos(turn), np.sin(turn)
+    positions = chart.positions_m[np.searchsorted(chart.ids, known.ids)]
+    a, b = own - own.mean(axis=0), positions - positions.mean(axis=0)
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    c, s = np.cos(angle), np.sin(angle)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    shift = places.mean(axis=0) - rotation[:2, :2] @ own.mean(axis=0)
+    shift = positions.mean(axis=0) - rotation[:2, :2] @ own.mean(axis=0)
     return np.asarray(compose(rotation, [*shift, 0.0]) @ floor.floor_from_camera)

@@ -1,30 +1,35 @@
-"""The camera's pose from markers whose places in the world are known: OpenCV's PnP, then the reprojection error."""
+"""The camera's pose from markers whose positions in the world are known: OpenCV's PnP, then the reprojection error."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, transform
 from scipy.optimize import least_squares
 
-from peakmark.errors import InputError
 from peakmark.localise.distance import Values
 
 SIGMA_PX = 0.25
 """Assumed error of a centre and, at the ends of its sides, of a shape; refined markers stay below it."""
 
 SIGMA_LOG_SIDE = 0.08
-"""Assumed relative error of a side that SURF's scale measures."""
+"""Assumed relative error of a side that SURF's scale measures; set by hand."""
+
+CERTAIN = 8.0
+"""Log-likelihood by which a pose must beat its rival: odds of 3000 to 1 if errors were independent. Kass and Raftery
+(1995, doi:10.1080/01621459.1995.10476572) call 5 very strong; a frame's markers err alike, which asks for more."""
+
+SAME_M, SAME_DEG = 1e-3, 0.057
+"""Up to these distances two fits are one minimum: far more than where a fit ends, far less than a mirrored pose."""
 
 STEP = 1e-6
-"""Of numerical derivatives, radians and metres."""
-_FAR = 1e3
+"""Of numerical derivatives, radians and metres: far above rounding, far below the curvature."""
 
-_FLIP_MARGIN = 8.0
-"""Log-likelihood by which a pose must beat the mirrored one that a planar target also allows."""
+_FAR = 1e3
+"""Where a point behind the camera is projected to, in focal lengths: an error too large to prefer."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,28 @@ class PoseFit:
 
 
 @dataclass(frozen=True)
-class Markers:
-    """Markers as the camera sees them, with where they are."""
+class PoseEstimate:
+    """The best pose, and what else would explain what is seen."""
+
+    fit: PoseFit
+    """The pose of least cost."""
+    rival: PoseFit | None
+    """The best of the other poses, such as the mirrored one of a flat target; None if there is none."""
+
+    @property
+    def margin(self) -> float:
+        """Log-likelihood by which the pose beats its rival; inf without one."""
+        return np.inf if self.rival is None else self.rival.cost - self.fit.cost
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether no other pose comes within `CERTAIN`."""
+        return self.margin >= CERTAIN
+
+
+@dataclass(frozen=True)
+class Correspondences:
+    """Markers as the camera sees them, with where they are in the world."""
 
     xy: NDArray[np.float64]
     """(n, 2) seen centres, px."""
@@ -64,46 +89,31 @@ class Markers:
     """The same for shapes; None: as for centres."""
 
 
-def pose_from_points(camera: Camera, xy: ArrayLike, points_m: ArrayLike, sigma_px: float = SIGMA_PX) -> PoseFit | None:
-    """Return the pose from points of known places, or None where it is not certain.
-
-    Uncertain are fewer than four points, points on a line, and flat sets whose mirrored pose fits nearly as well.
+def estimate_pose(
+    camera: Camera, seen: Correspondences, xy: NDArray[np.float64], points_m: NDArray[np.float64]
+) -> PoseEstimate | None:
+    """Return the pose that explains markers best, and its rival; None where OpenCV finds none.
 
     Parameters
     ----------
     camera
         The camera.
-    xy
-        (n, 2) px.
-    points_m
-        (n, 3) world.
-    sigma_px
-        Error of a point.
-
-    Raises
-    ------
-    InputError
-        If the numbers of points differ.
+    seen
+        What is to be explained.
+    xy, points_m
+        (k, 2) px and (k, 3) world, k ≥ 4 and not on a line: points from which the search starts.
     """
-    seen, points = (
-        np.asarray(xy, dtype=np.float64).reshape(-1, 2),
-        np.asarray(points_m, dtype=np.float64).reshape(-1, 3),
-    )
-    if len(seen) != len(points):
-        raise InputError(f"points: expected as many in the image as in the world, got {len(seen)} and {len(points)}")
-    if len(seen) < 4 or _is_line(points):
+    fits = [refine_pose(camera, start, seen) for start in candidate_poses(camera, xy, points_m)]
+    ranked = sorted(fits, key=lambda fit: fit.cost)
+    if not ranked:
         return None
-    markers = Markers(seen, points, np.zeros((len(points), 3, 2)), sigma_px=sigma_px)
-    starts = candidate_poses(camera, seen, points)
-    fits = sorted((refine_pose(camera, start, markers) for start in starts), key=lambda f: f.cost)
-    if not fits or (len(fits) > 1 and is_other(fits[0], fits[1]) and fits[1].cost - fits[0].cost < _FLIP_MARGIN):
-        return None
-    return fits[0]
+    others = (fit for fit in ranked[1:] if is_other(ranked[0], fit))
+    return PoseEstimate(ranked[0], next(others, None))
 
 
-def refine_pose(camera: Camera, world_from_camera: Pose, markers: Markers) -> PoseFit:
+def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) -> PoseFit:
     """Return the pose near `world_from_camera` that minimises the errors of centres and shapes (SciPy's MINPACK)."""
-    residuals = Residuals.of(camera, markers)
+    residuals = Residuals.of(camera, seen)
     steps = np.concatenate([np.zeros((1, 6)), STEP * np.eye(6)])
 
     def errors(step: Values) -> Values:
@@ -115,7 +125,7 @@ def refine_pose(camera: Camera, world_from_camera: Pose, markers: Markers) -> Po
 
     fit = least_squares(errors, np.zeros(6), slopes, method="lm", xtol=1e-7, ftol=1e-7, gtol=1e-7)
     pose = moved(world_from_camera, fit.x)
-    return PoseFit(pose, markers.xy - camera.project(transform(invert(pose), markers.centers_m)), float(fit.cost))
+    return PoseFit(pose, seen.xy - camera.project(transform(invert(pose), seen.centers_m)), float(fit.cost))
 
 
 def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
@@ -129,7 +139,7 @@ def expected_shapes(
     """Return (n, 2) px and (n, 2, 2) px per tangent at which markers should be seen; nan outside the image."""
     xy = camera.project(transform(invert(world_from_camera), centers_m))
     with np.errstate(invalid="ignore"):
-        outside = ~((xy >= -0.5) & (xy <= np.array([camera.width, camera.height]) - 0.5)).all(axis=1)
+        outside = ~camera.contains(xy)
     xy[outside] = np.nan
     shapes = np.full((len(xy), 2, 2), np.nan)
     _, slopes = _projected(world_from_camera[None], centers_m, tangents_m)
@@ -148,35 +158,35 @@ def pixels_per_slope(camera: Camera, xy: NDArray[np.float64]) -> Values:
 class Residuals(NamedTuple):
     """Errors of markers in multiples of their σ, as a function of the camera's pose."""
 
-    markers: Markers
+    seen: Correspondences
     flat: Values
     """(n, 2) x/z and y/z of the seen rays."""
     scale: Values
     """(n, 2, 2) px per unit of `flat`."""
 
     @classmethod
-    def of(cls, camera: Camera, markers: Markers) -> "Residuals":
+    def of(cls, camera: Camera, seen: Correspondences) -> "Residuals":
         """Prepare what does not depend on the pose."""
-        rays = camera.unproject(markers.xy)
-        return cls(markers, rays[:, :2] / rays[:, 2:], pixels_per_slope(camera, markers.xy))
+        rays = camera.unproject(seen.xy)
+        return cls(seen, rays[:, :2] / rays[:, 2:], pixels_per_slope(camera, seen.xy))
 
     def at(self, poses: NDArray[np.float64], centers_m: NDArray[np.float64] | None = None) -> Values:
         """Return (k, r) errors for (k, 4, 4) poses: 2n of the centres, then 3n of the shapes or n of the sides.
 
-        A shape A is compared with the projected one B by A Aᵀ − B Bᵀ, which does not depend on how the marker is
-        turned in its plane, along the axes of A. `centers_m` (k, n, 3) stands in for the markers' own.
+        A shape A is compared with the projected one B by A Aᵀ − B Bᵀ, which does not depend on the marker's
+        rotation in its plane, along the axes of A. `centers_m` (k, n, 3) stands in for their own centres.
         """
-        markers = self.markers
-        flat, slopes = _projected(poses, markers.centers_m if centers_m is None else centers_m, markers.tangents_m)
-        errors = np.einsum("nij,knj->kni", self.scale, self.flat - flat) / _column(markers.sigma_px)
+        seen = self.seen
+        flat, slopes = _projected(poses, seen.centers_m if centers_m is None else centers_m, seen.tangents_m)
+        errors = np.einsum("nij,knj->kni", self.scale, self.flat - flat) / _column(seen.sigma_px)
         parts = [errors.reshape(len(poses), -1)]
         shapes = self.scale @ slopes
-        if markers.affinity is not None:
-            sigma = _column(markers.sigma_px if markers.shape_sigma_px is None else markers.shape_sigma_px)
-            parts.append((_shape_errors(markers.affinity, shapes) / sigma).reshape(len(poses), -1))
-        elif markers.side_px is not None:
+        if seen.affinity is not None:
+            sigma = _column(seen.sigma_px if seen.shape_sigma_px is None else seen.shape_sigma_px)
+            parts.append((_shape_errors(seen.affinity, shapes) / sigma).reshape(len(poses), -1))
+        elif seen.side_px is not None:
             areas = np.abs(np.linalg.det(shapes))
-            parts.append(np.log(markers.side_px**2 / np.maximum(areas, 1e-6)) / (2 * SIGMA_LOG_SIDE))
+            parts.append(np.log(seen.side_px**2 / np.maximum(areas, 1e-6)) / (2 * SIGMA_LOG_SIDE))
         return np.concatenate(parts, axis=1)
 
 
@@ -197,9 +207,9 @@ def refined_sigmas(affinity: NDArray[np.float64]) -> tuple[Values, Values]:
 
 def _projected(poses: NDArray[np.float64], centers_m: Values, tangents_m: Values) -> tuple[Values, Values]:
     """Return (k, n, 2) x/z and y/z of points, and (k, n, 2, 2) their derivatives along tangents; far off if behind."""
-    turns = poses[:, :3, :3]
-    points = (centers_m - poses[:, None, :3, 3]) @ turns
-    along = np.swapaxes(turns, 1, 2)[:, None] @ tangents_m
+    rotations = poses[:, :3, :3]
+    points = (centers_m - poses[:, None, :3, 3]) @ rotations
+    along = np.swapaxes(rotations, 1, 2)[:, None] @ tangents_m
     depth = np.maximum(points[:, :, 2:], 1e-3)
     flat = np.where(points[:, :, 2:] > 0, points[:, :, :2] / depth, _FAR)
     return flat, (along[:, :, :2] - flat[..., None] * along[:, :, 2:]) / depth[..., None]
@@ -222,8 +232,8 @@ def candidate_poses(camera: Camera, xy: NDArray[np.float64], points_m: NDArray[n
     target = transform(invert(flat_frame), points_m) * ([1, 1, 0] if is_flat else [1, 1, 1])
     rays = camera.unproject(xy)
     flag = cv2.SOLVEPNP_IPPE if is_flat else cv2.SOLVEPNP_SQPNP
-    count, turns, shifts, _ = cv2.solvePnPGeneric(target, rays[:, :2] / rays[:, 2:], np.eye(3), None, flags=flag)
-    poses = [compose(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(turns[:count], shifts[:count], strict=True)]
+    count, rotations, shifts, _ = cv2.solvePnPGeneric(target, rays[:, :2] / rays[:, 2:], np.eye(3), None, flags=flag)
+    poses = [compose(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rotations[:count], shifts[:count], strict=True)]
     return [flat_frame @ invert(pose) for pose in poses]
 
 
@@ -235,12 +245,7 @@ def _principal_frame(points_m: NDArray[np.float64]) -> tuple[Pose, Values]:
     return compose(axes.T, middle), np.pad(spread, (0, 3 - len(spread)))
 
 
-def _is_line(points_m: NDArray[np.float64]) -> bool:
-    spread = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False)
-    return bool(spread[1] < 1e-6 * max(spread[0], 1e-12))
-
-
 def is_other(a: PoseFit, b: PoseFit) -> bool:
     """Return whether two fits are different poses, not one minimum reached twice."""
-    apart = invert(a.world_from_camera) @ b.world_from_camera
-    return bool(np.linalg.norm(apart[:3, 3]) > 1e-3 or np.trace(apart[:3, :3]) < 3 - 1e-6)
+    distance_m, angle_deg = pose_distance(a.world_from_camera, b.world_from_camera)
+    return distance_m > SAME_M or angle_deg > SAME_DEG

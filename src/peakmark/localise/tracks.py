@@ -1,8 +1,8 @@
 """Stable identities over frames: which detection is the marker that was seen before.
 
-Seen from a driving robot all markers of a floor move together. The last frame's motion predicts this frame's places;
+Seen from a driving robot all markers of a floor move together. The last frame's motion predicts this frame's positions;
 what remains, mostly the camera's nodding, is a common shift, found by what it brings together; then mutually nearest
-places are paired.
+positions are paired.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,11 +14,18 @@ PATIENCE = 5
 """Frames for which a track that is not seen is kept."""
 
 _ROUNDS = 3
+"""Times that pairs are formed and the common motion is fitted to them."""
+
 _ROW_SCALE_PX = 500.0
+"""Unit of the rows in the polynomials of motion, so that their terms are alike in size."""
+
 _STIFFNESS = 0.05
+"""Ridge on the slopes of those polynomials: one twentieth of a marker, so that few markers tell a shift alone."""
+
 _NEAREST_SHARE = 0.5
 _SIDES = 2.0
-"""A marker may miss its predicted place by this share of the distance to its nearest neighbour, and so many sides."""
+"""A marker may miss its predicted position by this share of the distance to its nearest neighbour, and by this many
+sides: farther, it would be nearer to the neighbour's, or the motion is not the predicted one."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,7 @@ class Track:
     id: int
     """Stays the same as long as the track lives; never given twice."""
     xy: NDArray[np.float64]
-    """(2,) place in the last frame, seen or predicted, px."""
+    """(2,) position in the last frame, seen or predicted, px."""
     size: float
     """Side when last seen, px."""
     hits: int = 1
@@ -62,12 +69,12 @@ def follow(before: Tracks, xy: ArrayLike, size: ArrayLike) -> tuple[Tracks, NDAr
         (n,) their sides, px.
     """
     seen, sizes = np.asarray(xy, dtype=np.float64).reshape(-1, 2), np.asarray(size, dtype=np.float64).reshape(-1)
-    places = np.array([track.xy for track in before.tracks]).reshape(-1, 2)
-    expected = places + displacement(before.flow, places)
+    positions = np.array([track.xy for track in before.tracks]).reshape(-1, 2)
+    expected = positions + displacement(before.flow, positions)
     reach = np.minimum(_NEAREST_SHARE * _spacing(expected), _SIDES * np.array([track.size for track in before.tracks]))
     track_of, expected = _pair(expected, reach, seen)
     paired = track_of >= 0
-    flow = _flow(places[track_of[paired]], seen[paired] - places[track_of[paired]], 2)
+    flow = _flow(positions[track_of[paired]], seen[paired] - positions[track_of[paired]], 2)
     seen_by = {int(t): k for k, t in enumerate(track_of) if t >= 0}
     kept = [_continued(track, expected[i], seen, sizes, seen_by.get(i)) for i, track in enumerate(before.tracks)]
     fresh = np.flatnonzero(~paired)
@@ -93,7 +100,7 @@ def _continued(
 def _pair(
     expected: NDArray[np.float64], reach: NDArray[np.float64], seen: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return (n,) index of each detection's track, −1 without one, and the expected places after the common motion."""
+    """Return (n,) index of each detection's track, −1 without one, and the expected positions, moved in common."""
     if len(expected) == 0 or len(seen) == 0:
         return np.full(len(seen), -1, dtype=np.intp), expected
     expected = expected + _common_shift(expected, reach, seen)
@@ -106,7 +113,7 @@ def _pair(
 
 
 def _mutual(expected: NDArray[np.float64], reach: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return (n,) index of the place that is nearest to each detection, and it to that place; −1 out of reach."""
+    """Return (n,) index of the position that is nearest to each detection, and it to that position; −1 out of reach."""
     gaps = np.linalg.norm(seen[:, None] - expected[None], axis=2)
     nearest, rows = gaps.argmin(axis=1), np.arange(len(seen))
     return np.where((gaps[:, nearest].argmin(axis=0) == rows) & (gaps[rows, nearest] <= reach[nearest]), nearest, -1)
@@ -115,7 +122,7 @@ def _mutual(expected: NDArray[np.float64], reach: NDArray[np.float64], seen: NDA
 def _common_shift(
     expected: NDArray[np.float64], reach: NDArray[np.float64], seen: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the (2,) shift that brings most expected places near a detection, the best fitting one of them."""
+    """Return the (2,) shift that brings most expected positions near a detection, the best fitting one of them."""
     steps = seen[None] - expected[:, None]
     shifts = np.concatenate([np.zeros((1, 2)), steps[np.linalg.norm(steps, axis=2) <= 2 * reach[:, None]]])
     gaps = np.linalg.norm(steps[None] - shifts[:, None, None], axis=3).min(axis=2)
@@ -131,7 +138,7 @@ def _spacing(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def displacement(flow: NDArray[np.float64], xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (n, 2) displacements, px, at (n, 2) places: (k, 2) polynomials of the row."""
+    """Return (n, 2) displacements, px, at (n, 2) positions: (k, 2) polynomials of the row."""
     return np.asarray(_powers(xy, len(flow)) @ flow)
 
 

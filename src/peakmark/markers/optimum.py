@@ -1,8 +1,8 @@
-"""Pictures that maximise a detection operator at one place, with a proof of how far from optimal they can be.
+"""Patterns that maximise a detection operator at one position, with a proof of how far from optimal they can be.
 
 A detector's response at a fixed position and scale is a function of the n pixels x under its window: linear,
 ``w·x`` (DoG, Laplacian), or quadratic, ``q(x) = (F x)ᵀ M (F x)`` with k filters F and a symmetric (k, k)
-form M (Hessian determinant). The picture x is limited either in energy, ‖x‖₂ ≤ 1, as in Section 3 of the
+form M (Hessian determinant). The pattern x is limited either in energy, ‖x‖₂ ≤ 1, as in Section 3 of the
 paper, or in range, |xᵢ| ≤ 1, as print and 8-bit images are.
 """
 
@@ -18,20 +18,25 @@ from peakmark.errors import InputError
 Limit = Literal["energy", "range"]
 
 _MAX_STEPS = 2000
+"""Of either ascent; the gap tells where it ended too early."""
+
 _GAP = 1e-9
+"""Relative gap to the bound that counts as met: rounding."""
+
 _STARTS = 16
+"""Leading eigenvectors from which corners of the cube are sought."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """A picture and how good it provably is."""
+    """A pattern and how good it provably is."""
 
     x: NDArray[np.float64]
-    """The picture, in the filters' shape; its negative is as good for a quadratic operator."""
+    """The pattern, in the filters' shape; its negative is as good for a quadratic operator."""
     value: float
     """The operator's response to `x`."""
     bound: float
-    """No picture within the limit exceeds this response."""
+    """No pattern within the limit exceeds this response."""
 
     @property
     def gap(self) -> float:
@@ -56,7 +61,7 @@ def quadratic_optimum(filters: ArrayLike, form: ArrayLike, limit: Limit) -> Opti
     Parameters
     ----------
     filters
-        (k, ...) the k linear filters F, each of the picture's shape.
+        (k, ...) the k linear filters F, each of the pattern's shape.
     form
         (k, k) symmetric M.
     limit
@@ -74,7 +79,7 @@ def quadratic_optimum(filters: ArrayLike, form: ArrayLike, limit: Limit) -> Opti
     if F.ndim < 2 or M.shape != (len(F), len(F)) or not np.allclose(M, M.T):
         raise InputError(f"form: expected a symmetric matrix for {len(F)} filters, got shape {M.shape}")
     rows = F.reshape(len(F), -1)
-    values, vectors = eigenpictures(rows, M)
+    values, vectors = eigenpatterns(rows, M)
     if not len(values):
         raise InputError("form: expected an operator that is positive somewhere, got one that never is")
     if limit == "energy":
@@ -87,15 +92,15 @@ def quadratic_optimum(filters: ArrayLike, form: ArrayLike, limit: Limit) -> Opti
 
 
 def quadratic(x: NDArray[np.float64], filters: NDArray[np.float64], form: NDArray[np.float64]) -> float:
-    """Return ``(F x)ᵀ M (F x)`` of a picture of the filters' shape."""
+    """Return ``(F x)ᵀ M (F x)`` of a pattern of the filters' shape."""
     z = filters.reshape(len(filters), -1) @ x.ravel()
     return float(z @ form @ z)
 
 
-def eigenpictures(
+def eigenpatterns(
     filters: NDArray[np.float64], form: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the positive eigenvalues (m,) of Fᵀ M F, falling, and unit eigenvectors (m, ...) as pictures.
+    """Return the positive eigenvalues (m,) of Fᵀ M F, falling, and unit eigenvectors (m, ...) as patterns.
 
     With Fᵀ = Q R the n×n problem shrinks to the k×k matrix R M Rᵀ, so any kernel side is cheap.
     Signs are chosen so that the entry largest by magnitude is negative (a dark centre).
@@ -103,9 +108,9 @@ def eigenpictures(
     Q, R = np.linalg.qr(filters.reshape(len(filters), -1).T)
     values, vectors = np.linalg.eigh(R @ form @ R.T)
     positive = np.flatnonzero(values > 1e-12 * np.abs(values).max(initial=0.0))[::-1]
-    pictures = (Q @ vectors[:, positive]).T
-    peaks = np.take_along_axis(pictures, np.abs(pictures).argmax(axis=1)[:, None], axis=1)
-    return values[positive], (-np.sign(peaks) * pictures).reshape(len(positive), *filters.shape[1:])
+    patterns = (Q @ vectors[:, positive]).T
+    peaks = np.take_along_axis(patterns, np.abs(patterns).argmax(axis=1)[:, None], axis=1)
+    return values[positive], (-np.sign(peaks) * patterns).reshape(len(positive), *filters.shape[1:])
 
 
 def _cone_optimum(rows: NDArray[np.float64], form: NDArray[np.float64], start: NDArray[np.float64]) -> Optimum:
@@ -113,8 +118,8 @@ def _cone_optimum(rows: NDArray[np.float64], form: NDArray[np.float64], start: N
 
     {q ≥ 0} is then a double Lorentz cone, and on it the reverse Cauchy–Schwarz inequality
     (xᵀA y)² ≥ q(x) q(y) holds. Hence for every y in the cube q(y) ≤ (xᵀA y)² / q(x) ≤ ‖A x‖₁² / q(x): any x
-    in the cone bounds the optimum, and a picture with x = sign(A x) is proven globally optimal. √q is concave
-    in the cone, so where no binary picture meets the bound, a smooth ascent does.
+    in the cone bounds the optimum, and a pattern with x = sign(A x) is proven globally optimal. √q is concave
+    in the cone, so where no binary pattern meets the bound, a smooth ascent does.
     """
     x = _sign_iterated(rows, form, start)
     if _cone_certified(x, rows, form).gap > _GAP:
@@ -160,7 +165,7 @@ def _concave_ascent(
 ) -> NDArray[np.float64]:
     """Return the maximum of log q over the cube |xᵢ| ≤ 1, from a start with q > 0.
 
-    Below half the start's value log q goes on as its tangent, so that the line search may leave the cone.
+    Below half the start's value log q continues as its tangent, so that the line search may leave the cone.
     """
     floor = quadratic(start, rows, form) / 2
 

@@ -1,6 +1,6 @@
-"""Maximum detector response markers for SIFT and SURF (Schweiger et al. 2009, Section 3), as 8-bit pictures.
+"""Maximum detector response markers for SIFT and SURF (Schweiger et al. 2009, Section 3), as 8-bit images.
 
-Each marker exists under two limits on its picture x. "energy", ‖x‖₂ ≤ 1, is the paper's: the leading
+Each marker exists under two limits on its pattern x. "energy", ‖x‖₂ ≤ 1, is the paper's: the leading
 eigenvector for SURF, the matched filter (a DoG) for SIFT, then stretched to the whole grey range. Print and
 8-bit images limit the "range", |xᵢ| ≤ 1, instead; there the optimum is binary.
 
@@ -8,7 +8,7 @@ eigenvector for SURF, the matched filter (a DoG) for SIFT, then stretched to the
 ``det = Dxx·Dyy − w·Dxy² ≤ Dxx·Dyy = ((Dxx+Dyy)/2)² − ((Dxx−Dyy)/2)² ≤ ((Dxx+Dyy)/2)²``.
 The last term is the square of one linear filter, (gxx+gyy)/2, so it is at most ‖(gxx+gyy)/2‖₂² under the
 energy limit, met by x ∝ gxx+gyy, and at most ‖(gxx+gyy)/2‖₁² under the range limit, met by x = sign(gxx+gyy)
-(free where gxx+gyy = 0). gxx+gyy does not change when x and y are exchanged, so both pictures have Dxx = Dyy,
+(free where gxx+gyy = 0). gxx+gyy does not change when x and y are exchanged, so both patterns have Dxx = Dyy,
 and it is mirror symmetric, so Dxy = 0: every inequality is an equality and both are globally optimal. ∎
 
 **SIFT.** The response is linear, ``w·x`` with w a DoG: at most ‖w‖₂ for x ∝ w, and ‖w‖₁ for x = sign(w),
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from peakmark.errors import InputError
-from peakmark.markers.optimum import Limit, linear_optimum, quadratic_optimum
+from peakmark.markers.optimum import Limit, quadratic_optimum
 
 Polarity = Literal["dark", "light"]
 
@@ -33,13 +33,15 @@ DOG_RATIO = 2 ** (1 / 3)
 """σ ratio of neighbouring Gaussians in a SIFT of three layers an octave."""
 
 DXY_WEIGHT = 0.81
-"""OpenCV's weight of Dxy² in the determinant; the optimum does not depend on it."""
+"""OpenCV's weight of Dxy² in the determinant, 0.9²: balances the box filter for Dxy against those for Dxx and Dyy. The
+optimum does not depend on it."""
 
 _MAX_SIDE_PX = 16384
+"""A quarter of a gigabyte."""
 
 
 def surf_marker(side_px: int = 147, polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[np.uint8]:
-    """Return the SURF marker as a (side_px, side_px) picture.
+    """Return the SURF marker as a (side_px, side_px) image.
 
     The 9 × 9 cells are integrated over each pixel, so any `side_px` ≥ 9 keeps centre, symmetry and mean.
     "energy" has the grey levels 0, 128, 170, 212, 255 (dark), "range" is black and white.
@@ -57,7 +59,7 @@ def surf_marker(side_px: int = 147, polarity: Polarity = "dark", limit: Limit = 
 def sift_marker(
     sigma_px: float = 15.0, side_px: int = 181, polarity: Polarity = "dark", limit: Limit = "energy"
 ) -> NDArray[np.uint8]:
-    """Return the SIFT marker as a (side_px, side_px) picture: a DoG, or a disc for the "range" limit.
+    """Return the SIFT marker as a (side_px, side_px) image: a DoG, or a disc for the "range" limit.
 
     `sigma_px` is the inner Gaussian's σ; the DoG is G(2^⅓ σ) − G(σ), integrated over each pixel. The DoG
     marker's own scale-space maximum lies at σ/√2, the disc's at σ (an energy limit favours smaller filters).
@@ -72,10 +74,10 @@ def sift_marker(
         raise InputError(f"sigma_px: expected 0.5 … side_px / 4 = {side / 4:g}, got {sigma_px}")
     _choice(polarity, limit)
     if limit == "energy":
-        picture = _stretched(dog(float(sigma_px), side))
+        pattern = _stretched(dog(float(sigma_px), side))
     else:
-        picture = 255.0 * (1.0 - disc_shares(dog_zero_crossing(sigma_px), side))
-    return _uint8(picture if polarity == "dark" else 255.0 - picture)
+        pattern = 255.0 * (1.0 - disc_shares(dog_zero_crossing(sigma_px), side))
+    return _uint8(pattern if polarity == "dark" else 255.0 - pattern)
 
 
 def surf_cells(polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[np.uint8]:
@@ -84,32 +86,15 @@ def surf_cells(polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[
     Under "range" the four 2×2 corners, where gxx + gyy = 0, are free and take the surround's colour.
     """
     _choice(polarity, limit)
-    picture = surf_optimum(SURF_CELLS, limit)
+    pattern = surf_optimum(SURF_CELLS, limit)
     if limit == "range":
-        picture = np.where(picture < 0, -1.0, 1.0)
-    dark = np.rint(np.round(_stretched(picture), 9)).astype(np.uint8)
+        pattern = np.where(pattern < 0, -1.0, 1.0)
+    dark = np.rint(np.round(_stretched(pattern), 9)).astype(np.uint8)
     return dark if polarity == "dark" else 255 - dark
 
 
-def array_polarities(code: int) -> tuple[Polarity, Polarity, Polarity]:
-    """Return the polarities of a 3-bit array's markers, upper right, lower left and lower right.
-
-    The upper left is blank. The topmost marker carries the first (most significant) bit, the leftmost the
-    second and the remaining one the third (Section 4.2); a light marker (Laplacian +1) is a 1.
-
-    Raises
-    ------
-    InputError
-        If `code` is not an integer in 0…7.
-    """
-    if isinstance(code, bool) or code not in range(8):
-        raise InputError(f"code: expected an integer in 0…7, got {code!r}")
-    first, second, third = ("light" if int(code) >> bit & 1 else "dark" for bit in (2, 1, 0))
-    return first, second, third  # type: ignore[return-value]
-
-
 def surf_optimum(kernel_side: int = SURF_CELLS, limit: Limit = "energy") -> NDArray[np.float64]:
-    """Return the optimal picture of SURF's determinant at one kernel side, dark centre, zero mean.
+    """Return the optimal pattern of SURF's determinant at one kernel side, dark centre, zero mean.
 
     (kernel_side, kernel_side) float64: the unit leading eigenvector (Section 3.2), or sign(gxx + gyy).
 
@@ -129,7 +114,7 @@ def surf_form(dxy_weight: float = DXY_WEIGHT) -> NDArray[np.float64]:
 def surf_filters(kernel_side: int = SURF_CELLS) -> NDArray[np.float64]:
     """Return SURF's box filters gxx, gyy, gxy as (3, side, side); each box is divided by its area.
 
-    Boxes are given on the 9-grid and scaled as OpenCV does, round-half-even in float32 (see `surf_optimum`).
+    Boxes are given on the 9-grid and scaled as OpenCV does, round-half-even in float32.
     """
     _check_kernel_side(kernel_side)
     edges = np.rint(np.arange(SURF_CELLS + 1, dtype=np.float32) * np.float32(kernel_side / SURF_CELLS)).astype(int)
@@ -166,11 +151,6 @@ def dog_zero_crossing(sigma_px: float) -> float:
     return float(sigma_px * np.sqrt(2 * k2 * np.log(k2) / (k2 - 1)))
 
 
-def sift_optimum(sigma_px: float, side_px: int, limit: Limit = "energy") -> NDArray[np.float64]:
-    """Return the optimal picture of the DoG filter, dark centre, as (side_px, side_px) float64."""
-    return linear_optimum(dog(sigma_px, side_px), limit).x
-
-
 def _gaussian(sigma_px: float, side_px: int) -> NDArray[np.float64]:
     edges = np.arange(side_px + 1) - side_px / 2
     line = np.diff(erf(edges / (np.sqrt(2) * sigma_px))) / 2
@@ -200,9 +180,9 @@ def _half_disc(t: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((t * np.sqrt(1 - t**2) + np.arcsin(t)) / 2)
 
 
-def bordered(picture: NDArray[np.uint8], border_px: int, level: int = 255) -> NDArray[np.uint8]:
-    """Return the picture inside a border of `border_px` pixels of one grey level, white unless stated."""
-    return np.pad(picture, border_px, constant_values=level)
+def bordered(image: NDArray[np.uint8], border_px: int, level: int = 255) -> NDArray[np.uint8]:
+    """Return the image inside a border of `border_px` pixels of one grey level, white unless stated."""
+    return np.pad(image, border_px, constant_values=level)
 
 
 def surf_texture(
@@ -213,13 +193,13 @@ def surf_texture(
     return np.kron(cells, np.ones((cell_px, cell_px), dtype=np.uint8))
 
 
-def _stretched(picture: NDArray[np.float64]) -> NDArray[np.float64]:
-    low, high = picture.min(), picture.max()
-    return np.asarray(255.0 * (picture - low) / (high - low))
+def _stretched(pattern: NDArray[np.float64]) -> NDArray[np.float64]:
+    low, high = pattern.min(), pattern.max()
+    return np.asarray(255.0 * (pattern - low) / (high - low))
 
 
-def _uint8(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
-    return np.rint(np.clip(np.round(picture, 9), 0, 255)).astype(np.uint8)
+def _uint8(pattern: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.rint(np.clip(np.round(pattern, 9), 0, 255)).astype(np.uint8)
 
 
 def _side(side_px: int) -> int:

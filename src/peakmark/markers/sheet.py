@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from peakmark.errors import InputError
+from peakmark.markers.array_code import polarities_of
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, array_polarities, dog_zero_crossing, surf_cells
+from peakmark.markers.patterns import Polarity, dog_zero_crossing, surf_cells
 from peakmark.markers.sheet_shapes import Box, Disc, Dog, Item, Text
 
 PAPERS_MM = {
@@ -41,8 +42,13 @@ LINE_MM = 0.15
 """Width of crop marks and of the scale bar's ticks."""
 
 _GUTTER_MM = 2 * CROP_MM[1] + 1.0
+"""Between tiles: the crop marks of both, and a millimetre."""
+
 _FOOTER_MM = 10.0
+"""Room for the scale bar and the small print."""
+
 _MIN_SIDE_MM = 2.0
+"""Side whose cells are 0.2 mm: five dots at 600 dpi."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ class Print:
 
 @dataclass(frozen=True)
 class Placed:
-    """A marker at a place on its tile or page."""
+    """A marker at its position on a tile or page."""
 
     marker: Print
     """What is printed."""
@@ -131,10 +137,10 @@ def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Li
     if not 0 <= gap < np.inf:
         raise InputError(f"gap_mm: expected a number ≥ 0, got {gap}")
     near, far = side_mm / 2, 1.5 * side_mm + gap
-    prints = [Print("surf", side_mm, polarity, limit) for polarity in array_polarities(code)]
+    prints = [Print("surf", side_mm, polarity, limit) for polarity in polarities_of(code)]
     _check_print(prints[0])
-    places = zip(prints, ((far, near), (near, far), (far, far)), strict=True)
-    markers = tuple(Placed(marker, x, y) for marker, (x, y) in places)
+    centers = zip(prints, ((far, near), (near, far), (far, far)), strict=True)
+    markers = tuple(Placed(marker, x, y) for marker, (x, y) in centers)
     return Tile(f"array {code}, marker side {side_mm:g} mm, gap {gap:g} mm", 2 * side_mm + gap, markers)
 
 

@@ -20,6 +20,7 @@ FORMATS = ("pdf", "svg", "png")
 
 _MM_PER_INCH = 25.4
 _MAX_PIXELS = 300_000_000
+"""An A3 page at the 1200 dpi of the default has 278 million."""
 
 
 def write(pages: Sequence[Page], stem: Path, format: str = "pdf", dpi: float = 1200.0) -> tuple[Path, ...]:
@@ -113,15 +114,15 @@ def svg(page: Page) -> str:
 
 def _svg_element(item: Box | Disc | Text) -> str:
     if isinstance(item, Text):
-        place = f'x="{item.x_mm:.4f}" y="{item.y_mm:.4f}"'
+        at = f'x="{item.x_mm:.4f}" y="{item.y_mm:.4f}"'
         font = f'font-family="Helvetica, Arial, sans-serif" font-size="{item.height_mm:.4f}"'
-        return f'<text {place} {font} xml:space="preserve">{escape(item.text)}</text>'
+        return f'<text {at} {font} xml:space="preserve">{escape(item.text)}</text>'
     level = f"{item.gray / 2.55:.4f}%"
     fill = f'fill="rgb({level},{level},{level})"'
     if isinstance(item, Disc):
         return f'<circle cx="{item.x_mm:.4f}" cy="{item.y_mm:.4f}" r="{item.radius_mm:.4f}" {fill}/>'
-    place = f'x="{item.x_mm:.4f}" y="{item.y_mm:.4f}"'
-    return f'<rect {place} width="{item.width_mm:.4f}" height="{item.height_mm:.4f}" {fill}/>'
+    at = f'x="{item.x_mm:.4f}" y="{item.y_mm:.4f}"'
+    return f'<rect {at} width="{item.width_mm:.4f}" height="{item.height_mm:.4f}" {fill}/>'
 
 
 def raster(page: Page, dpi: float) -> NDArray[np.uint8] | NDArray[np.uint16]:

@@ -1,31 +1,53 @@
-"""Alignment of a known pattern with a picture: coarse search over shapes, then Levenberg–Marquardt (Numba)."""
+"""Alignment of a known pattern with an image: coarse search over shapes, then Levenberg–Marquardt (Numba)."""
 
 from functools import cache
 from math import cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
+from peaksim.kernel import kernel
 
 from peakmark.refine.model import PARAMETERS, gram, residuals, select_pixels
 
 _MIN_PIXELS = 24
+"""Fewer pixels than this, about two a parameter, are not fitted."""
+
+_SOFT_PIXELS, _BLOCK_PIXELS, _PIXELS = 250, 600, 3000
+"""Most pixels that are compared with the softened image, the block means, and the image itself; set by hand."""
+
 _SHARP = 0.1
+"""Variance of the blur, px², from which a fit to an image that was not softened starts."""
+
 _MIN_BLUR = 1e-3
+"""Least variance of the blur, px²: the model divides by it."""
+
 _HELD = 1e12
+"""Precision of the prior that holds a parameter."""
+
 _RIDGE = 1e-9
+"""Added to the diagonal, so that a parameter that nothing tells does not make it singular."""
+
 _CLEAR = 0.01
-_PLACE_SPREAD = 0.1
-_SHAPE_SPREAD = 0.25
+"""Noise over gain² below which the best shape explains the image, and no others are tried."""
+
+_CENTER_SPREAD, _SHAPE_SPREAD = 0.1, 0.25
+"""Standard deviations of the prior on centre and shape in the first fit, in sides: what a detector's errors may be."""
+
 _LEVEL_SIDE = 18.0
+"""Side, px, to which block means bring a larger pattern, at least; above it the first fit softens twice."""
+
 _NOISE_FLOOR = 1 / 12
+"""Variance of rounding to whole grey levels."""
+
+_BLUR_SPREAD = 5.0
+"""Standard deviation of the prior on the blur's variance in the last fit, px²."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def align(gray, center, size, lines, levels, extent, focal, samples, template, shapes):
-    """Find the pattern near a place in a picture.
+    """Find the pattern near a position in an image.
 
     From a shape search on block means in which the pattern has about 20 px a side, softened, over the sharp
-    block means to the picture's own pixels. Returns parameters (11,), covariance (11, 11), the residuals'
+    block means to the image's own pixels. Returns parameters (11,), covariance (11, 11), the residuals'
     mean square, and whether the fit converged.
     """
     reach = 1.2 * size + 4
@@ -46,12 +68,12 @@ def align(gray, center, size, lines, levels, extent, focal, samples, template, s
     )
     mean[10] = theta[10] = _SHARP
     if block > 1:
-        pixels = chosen_pixels(level, theta, lines, extent, 600)
+        pixels = chosen_pixels(level, theta, lines, extent, _BLOCK_PIXELS)
         theta, noise, converged = gauss_newton(level, pixels, theta, lines, levels, mean, precision, 8, 1.0)
     theta[:2] = block * theta[:2] + (block - 1) / 2
     theta[2:6] *= block
-    precision[10] = 1 / 25
-    pixels = chosen_pixels(crop, theta, lines, extent, 3000)
+    precision[10] = 1 / _BLUR_SPREAD**2
+    pixels = chosen_pixels(crop, theta, lines, extent, _PIXELS)
     theta, noise, converged = gauss_newton(crop, pixels, theta, lines, levels, mean, precision, 15, 1e-2)
     if converged:
         covariance = sandwich(crop, pixels, theta, lines, levels, noise, precision)
@@ -60,13 +82,13 @@ def align(gray, center, size, lines, levels, extent, focal, samples, template, s
     return theta, covariance, noise, converged
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def soft_fit(level, center, size, lines, levels, extent, precision, samples, template, shapes):
-    """Return the parameters (11,) of the best fit to the softened picture.
+    """Return the parameters (11,) of the best fit to the softened image.
 
-    Starts from the best of all shapes, if that does not explain the picture from the best of those that are
-    hardly foreshortened, and each turned by 30° and 60° too: how the pattern is turned is what blur hides. A pattern
-    seen so obliquely that softening leaves too few pixels clear of its surround is fitted to the sharp picture.
+    Starts from the best of all shapes, if that does not explain the image from the best of those that are
+    hardly foreshortened, and each rotated by 30° and 60° too: the rotation is what blur hides. A pattern seen so
+    obliquely that softening leaves too few pixels clear of its surround is fitted to the sharp image.
     """
     soft, blur = softened(level), 0.5
     if size > _LEVEL_SIDE:
@@ -75,20 +97,20 @@ def soft_fit(level, center, size, lines, levels, extent, precision, samples, tem
     start[:2] = center
     start[8], start[9] = soft.max() - soft.min(), soft.min()
     precision = precision.copy()
-    precision[:2], precision[2:6] = 1 / (_PLACE_SPREAD * size) ** 2, 1 / (_SHAPE_SPREAD * size) ** 2
+    precision[:2], precision[2:6] = 1 / (_CENTER_SPREAD * size) ** 2, 1 / (_SHAPE_SPREAD * size) ** 2
     best, best_ratio = start.copy(), np.inf
     for candidates in (len(shapes), len(shapes) // 3):
         shape = shapes[coarse_shape(soft, center[0], center[1], size, samples, template, shapes[:candidates])]
-        for turn in range(3):
-            c, s = size * cos(turn * pi / 6), size * sin(turn * pi / 6)
+        for third in range(3):
+            c, s = size * cos(third * pi / 6), size * sin(third * pi / 6)
             start[2], start[3] = shape[0, 0] * c + shape[0, 1] * s, shape[0, 1] * c - shape[0, 0] * s
             start[4], start[5] = shape[1, 0] * c + shape[1, 1] * s, shape[1, 1] * c - shape[1, 0] * s
-            picture, start[10] = soft, blur
-            pixels = chosen_pixels(soft, start, lines, extent, 250)
+            image, start[10] = soft, blur
+            pixels = chosen_pixels(soft, start, lines, extent, _SOFT_PIXELS)
             if len(pixels) < _MIN_PIXELS:
-                picture, start[10] = level, _SHARP
-                pixels = chosen_pixels(level, start, lines, extent, 250)
-            theta, noise, _ = gauss_newton(picture, pixels, start, lines, levels, start, precision, 12, 0.3)
+                image, start[10] = level, _SHARP
+                pixels = chosen_pixels(level, start, lines, extent, _SOFT_PIXELS)
+            theta, noise, _ = gauss_newton(image, pixels, start, lines, levels, start, precision, 12, 0.3)
             if noise > 0 and theta[8] > 0 and noise / theta[8] ** 2 < best_ratio:
                 best, best_ratio = theta, noise / theta[8] ** 2
         if best_ratio < _CLEAR:
@@ -96,41 +118,41 @@ def soft_fit(level, center, size, lines, levels, extent, precision, samples, tem
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def block_means(picture, block):
+@kernel
+def block_means(image, block):
     """Return the means of block × block pixels, without an incomplete last row or column."""
-    height, width = picture.shape[0] // block, picture.shape[1] // block
+    height, width = image.shape[0] // block, image.shape[1] // block
     means = np.zeros((height, width), np.float32)
     for y in range(height * block):
         for x in range(width * block):
-            means[y // block, x // block] += picture[y, x]
+            means[y // block, x // block] += image[y, x]
     return means / np.float32(block * block)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def softened(picture):
-    """Return the picture filtered by (1, 2, 1) / 4 along both axes, edges repeated: variance ½ px²."""
-    height, width = picture.shape
-    rows, result = np.empty_like(picture), np.empty_like(picture)
+@kernel
+def softened(image):
+    """Return the image filtered by (1, 2, 1) / 4 along both axes, edges repeated: variance ½ px²."""
+    height, width = image.shape
+    rows, result = np.empty_like(image), np.empty_like(image)
     for y in range(height):
         for x in range(width):
-            rows[y, x] = (picture[y, max(x - 1, 0)] + 2 * picture[y, x] + picture[y, min(x + 1, width - 1)]) / 4
+            rows[y, x] = (image[y, max(x - 1, 0)] + 2 * image[y, x] + image[y, min(x + 1, width - 1)]) / 4
     for y in range(height):
         for x in range(width):
             result[y, x] = (rows[max(y - 1, 0), x] + 2 * rows[y, x] + rows[min(y + 1, height - 1), x]) / 4
     return result
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def chosen_pixels(picture, theta, lines, extent, wanted):
+@kernel
+def chosen_pixels(image, theta, lines, extent, wanted):
     """Return the pixels (n, 2) to compare, at most about `wanted` of them."""
-    height, width = picture.shape
+    height, width = image.shape
     pixels = select_pixels(theta, lines, extent, width, height, 1)
     stride = (len(pixels) + wanted - 1) // wanted
     return pixels if stride <= 1 else select_pixels(theta, lines, extent, width, height, stride)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def gauss_newton(gray, pixels, start, lines, levels, mean, precision, steps, done):
     """Solve Jᵀr / noise = precision (θ − mean), the noise being the residuals' own mean square.
 
@@ -164,7 +186,7 @@ def gauss_newton(gray, pixels, start, lines, levels, mean, precision, steps, don
     return theta, noise, converged
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def damped_step(hessian, slope, damping, blur):
     """Return the step (11,) of a damped Newton iteration, with the blur held at its least, and its length in σ²."""
     for k in range(PARAMETERS):
@@ -179,7 +201,7 @@ def damped_step(hessian, slope, damping, blur):
     return step, np.sum(step[:10] * slope[:10])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def sandwich(gray, pixels, theta, lines, levels, noise, precision):
     """Return the covariance (11, 11) as H⁻¹ (Σ e² j jᵀ + prior) H⁻¹, H = JᵀJ / noise + prior.
 
@@ -194,14 +216,14 @@ def sandwich(gray, pixels, theta, lines, levels, noise, precision):
     return inverse @ middle @ inverse
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def coarse_shape(picture, cx, cy, size, samples, template, shapes):
-    """Return the index of the shape whose view of the pattern correlates best with the picture.
+@kernel
+def coarse_shape(image, cx, cy, size, samples, template, shapes):
+    """Return the index of the shape whose view of the pattern correlates best with the image.
 
     `samples` (m, 2) are pattern points and `template` (m,) their levels, of mean 0; `shapes` (k, 2, 2) map
-    sides to multiples of `size`. Samples outside the picture take its nearest pixel.
+    sides to multiples of `size`. Samples outside the image take its nearest pixel.
     """
-    height, width = picture.shape
+    height, width = image.shape
     best, best_score = 0, -np.inf
     for k in range(len(shapes)):
         total, squares, product = 0.0, 0.0, 0.0
@@ -211,8 +233,8 @@ def coarse_shape(picture, cx, cy, size, samples, template, shapes):
             y = min(max(cy + shapes[k, 1, 0] * u + shapes[k, 1, 1] * v, 0.0), height - 1.001)
             left, top = int(x), int(y)
             fx, fy = x - left, y - top
-            upper = picture[top, left] * (1 - fx) + picture[top, left + 1] * fx
-            lower = picture[top + 1, left] * (1 - fx) + picture[top + 1, left + 1] * fx
+            upper = image[top, left] * (1 - fx) + image[top, left + 1] * fx
+            lower = image[top + 1, left] * (1 - fx) + image[top + 1, left + 1] * fx
             value = upper * (1 - fy) + lower * fy
             total += value
             squares += value * value
@@ -225,14 +247,14 @@ def coarse_shape(picture, cx, cy, size, samples, template, shapes):
 
 @cache
 def shape_grid() -> np.ndarray:
-    """Return the (k, 2, 2) shapes of `coarse_shape`: turns, foreshortenings and their directions, sizes."""
+    """Return the (k, 2, 2) shapes of `coarse_shape`: rotations, foreshortenings and their directions, sizes."""
     shapes = []
     for aspect in (1.0, 1.5, 2.2, 3.3):
         for direction in np.arange(0, pi, pi / 8) if aspect > 1 else (0.0,):
             c, s = cos(direction), sin(direction)
             across = np.array([[c, -s], [s, c]])
             stretch = across @ np.diag([sqrt(aspect), 1 / sqrt(aspect)]) @ across.T
-            for turn in np.arange(0, pi / 2, pi / 12):
-                rotation = np.array([[cos(turn), -sin(turn)], [sin(turn), cos(turn)]])
+            for angle in np.arange(0, pi / 2, pi / 12):
+                rotation = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])
                 shapes += [scale * stretch @ rotation for scale in (0.75, 0.9, 1.1, 1.33)]
     return np.array(shapes)

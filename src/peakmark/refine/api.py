@@ -1,7 +1,7 @@
 """Where exactly an identified marker is: sub-pixel centre and affinity, by aligning the known pattern.
 
 A detector's position follows its octave's step, up to about a pixel off; here the printed pattern itself, seen
-through pixel squares, blur and a homography (see `refine_model`), is fitted to the picture's grey levels.
+through pixel squares, blur and a homography (see `model`), is fitted to the image's grey levels.
 """
 
 from dataclasses import dataclass
@@ -20,12 +20,19 @@ PATTERNS = ("surf-dark", "surf-light", "surf-range-dark", "surf-range-light")
 """Patterns that `refine` knows: those that are piecewise constant on a grid."""
 
 _MIN_EXPLAINED = 0.5
-_MAX_SHIFT = 0.35
-_SIZE_RATIO = 2.0
+"""Share of the variance that the pattern must explain: below, something else is there."""
+
+_MAX_SHIFT, _SIZE_RATIO = 0.35, 2.0
+"""A fit that ends farther off, in sides, or with a size that differs by a larger factor is one of something else."""
+
 _TEMPLATE_BLUR = 0.05**2
+"""Variance of the template's blur, sides²."""
+
 _LIMIT_PX = 2000.0
-_FLOOR_PX = 0.003
-_DITHER = 0.5
+"""Largest size that is accepted, px."""
+
+_FLOOR_PX, _DITHER = 0.003, 0.5
+"""Below this noise in grey levels rounding errs alike along an edge; then this error is added to the covariance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +42,7 @@ class Refined:
     xy: NDArray[np.float64]
     """(n, 2) centre, px; where not converged, the position that was given."""
     affine: NDArray[np.float64]
-    """(n, 2, 2) px per side at the centre; the pattern's x and y axes (x right, y down), turned by the multiple
+    """(n, 2, 2) px per side at the centre; the pattern's x and y axes (x right, y down), rotated by the multiple
     of 90° that brings the first nearest to the image's x axis; nan where not converged."""
     perspective: NDArray[np.float64]
     """(n, 2) g of ``x = c + A u / (1 + g·u)``, per side, u = (0, 0) at the pattern's centre and ±½ at its edges."""
@@ -76,45 +83,45 @@ def refine(
     border: float = 0.0,
     focal_px: float | None = None,
 ) -> Refined:
-    """Align a known pattern with the picture near each given place.
+    """Align a known pattern with the image near each given position.
 
     Parameters
     ----------
     gray
-        (H, W) uint8 picture.
+        (H, W) uint8 image.
     xy
-        (n, 2) places, px, within about a tenth of a side of the centres.
+        (n, 2) positions, px, within about a tenth of a side of the centres.
     size
         (n,) or one: square roots of the patterns' areas in the image, px, within about 30 %.
     pattern
         One of `PATTERNS`.
     border
-        Width of white around the pattern that may be relied on, in sides; 0 looks at the pattern alone, so
+        Width of white around the pattern that may be relied on, in sides; 0 compares the pattern alone, so
         that anything may surround it.
     focal_px
-        Focal length, px, which bounds how strong perspective can be; the picture's longer side unless given.
+        Focal length, px, which bounds how strong perspective can be; the image's longer side unless given.
 
     Returns
     -------
     Refined
-        Where no marker is found near, `converged` is False. No places give empty columns.
+        Where no marker is found near, `converged` is False. No positions give empty columns.
 
     Raises
     ------
     InputError
         If an argument has the wrong shape or range, or the pattern is unknown.
     """
-    gray, places, sizes = _checked(gray, xy, size)
-    model = _pattern(pattern, border)
+    gray, positions, sizes = _checked(gray, xy, size)
+    model = known_pattern(pattern, border)
     focal = float(max(gray.shape) if focal_px is None else focal_px)
     if not focal > 0:
         raise InputError(f"focal_px: expected a positive number, got {focal_px}")
-    extra = (model.lines, model.levels, model.extent, focal, *_template(pattern, border), shape_grid())
-    fits = map_parallel(lambda k: align(gray, places[k], sizes[k], *extra), range(len(places)))
+    extra = (model.lines, model.levels, model.extent, focal, *coarse_template(pattern, border), shape_grid())
+    fits = map_parallel(lambda k: align(gray, positions[k], sizes[k], *extra), range(len(positions)))
     theta = np.array([fit[0] for fit in fits]).reshape(-1, PARAMETERS)
     covariance = np.array([fit[1] for fit in fits]).reshape(-1, PARAMETERS, PARAMETERS)
     noise, converged = (np.array([fit[k] for fit in fits]) for k in (2, 3))
-    return _refined(theta, covariance, noise, converged.astype(bool), places, sizes, float(model.levels.var()))
+    return _refined(theta, covariance, noise, converged.astype(bool), positions, sizes, float(model.levels.var()))
 
 
 def _refined(
@@ -122,7 +129,7 @@ def _refined(
     covariance: NDArray[np.float64],
     noise: NDArray[np.float64],
     converged: NDArray[np.bool_],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     sizes: NDArray[np.float64],
     level_variance: float,
 ) -> Refined:
@@ -132,20 +139,20 @@ def _refined(
     explained = signal / np.maximum(signal + noise, 1e-12)
     with np.errstate(invalid="ignore"):  # a fit that diverged is nan, and not kept
         ratio = np.sqrt(np.maximum(np.linalg.det(affine), 0.0)) / sizes
-    shift = np.linalg.norm(theta[:, :2] - places, axis=1) / sizes
+    shift = np.linalg.norm(theta[:, :2] - positions, axis=1) / sizes
     converged = converged & (theta[:, 8] > 0) & (explained > _MIN_EXPLAINED) & (shift < _MAX_SHIFT)
     converged = converged & (ratio < _SIZE_RATIO) & (ratio > 1 / _SIZE_RATIO)
-    turn = _upright_turn(affine)
+    rotation = _upright_rotation(affine)
     keep = converged[:, None]
     linear = np.zeros((len(theta), 6, 6))
     linear[:, :2, :2] = np.eye(2)
-    linear[:, 2:4, 2:4] = linear[:, 4:6, 4:6] = turn.transpose(0, 2, 1)
+    linear[:, 2:4, 2:4] = linear[:, 4:6, 4:6] = rotation.transpose(0, 2, 1)
     spread = linear @ covariance[:, :6, :6] @ linear.transpose(0, 2, 1)
     spread += np.where(noise < _DITHER**2, _FLOOR_PX**2, 0.0)[:, None, None] * np.eye(6)
     return Refined(
-        xy=np.where(keep, theta[:, :2], places),
-        affine=np.where(keep[:, None], affine @ turn, np.nan),
-        perspective=np.where(keep, np.einsum("nji,nj->ni", turn, theta[:, 6:8]), np.nan),
+        xy=np.where(keep, theta[:, :2], positions),
+        affine=np.where(keep[:, None], affine @ rotation, np.nan),
+        perspective=np.where(keep, np.einsum("nji,nj->ni", rotation, theta[:, 6:8]), np.nan),
         covariance=np.where(keep[:, None], spread, np.nan),
         gain=np.where(converged, theta[:, 8], np.nan),
         offset=np.where(converged, theta[:, 9], np.nan),
@@ -156,8 +163,8 @@ def _refined(
     )
 
 
-def _upright_turn(affine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (n, 2, 2) quarter turns R for which A R is turned by at most 45°."""
+def _upright_rotation(affine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, 2, 2) rotations R by multiples of 90° for which A R is rotated by at most 45°."""
     angle = np.arctan2(affine[:, 1, 0] - affine[:, 0, 1], affine[:, 0, 0] + affine[:, 1, 1])
     quarters = -np.rint(angle / (np.pi / 2))
     c, s = np.rint(np.cos(quarters * np.pi / 2)), np.rint(np.sin(quarters * np.pi / 2))
@@ -165,7 +172,7 @@ def _upright_turn(affine: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @cache
-def _pattern(name: str, border: float) -> Pattern:
+def known_pattern(name: str, border: float) -> Pattern:
     """Return a SURF marker by name, on lines only where levels change, on white."""
     if name not in PATTERNS:
         raise InputError(f"pattern: expected one of {', '.join(PATTERNS)}, got {name!r}")
@@ -178,26 +185,26 @@ def _pattern(name: str, border: float) -> Pattern:
 
 
 @cache
-def _template(name: str, border: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (m, 2) points over the pattern and its softened levels there, of mean 0."""
+def coarse_template(name: str, border: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (m, 2) points over a known pattern and its softened levels there, of mean 0."""
     line = (np.arange(9) - 4) / 9 * 0.95
     samples = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     unit = np.zeros(PARAMETERS)
     unit[[2, 5, 8]], unit[10] = 1.0, _TEMPLATE_BLUR
-    levels = predict(unit, samples, _pattern(name, border))
+    levels = predict(unit, samples, known_pattern(name, border))
     return samples, levels - levels.mean()
 
 
 def _checked(
     gray: NDArray[np.uint8], xy: ArrayLike, size: ArrayLike
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.float64]]:
-    picture = np.ascontiguousarray(gray)
-    if picture.ndim != 2 or picture.dtype != np.uint8:
-        raise InputError(f"gray: expected (H, W) uint8, got shape {picture.shape} of {picture.dtype}")
-    places = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
-    sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), len(places))
-    if not np.isfinite(places).all():
+    image = np.ascontiguousarray(gray)
+    if image.ndim != 2 or image.dtype != np.uint8:
+        raise InputError(f"gray: expected (H, W) uint8, got shape {image.shape} of {image.dtype}")
+    positions = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+    sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), len(positions))
+    if not np.isfinite(positions).all():
         raise InputError("xy: expected finite positions, got nan or inf")
     if not ((sizes >= 2) & (sizes <= _LIMIT_PX)).all():
         raise InputError(f"size: expected 2…{_LIMIT_PX:g} px, got {sizes.min():g}…{sizes.max():g}")
-    return picture, places, sizes
+    return image, positions, sizes

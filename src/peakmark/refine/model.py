@@ -1,4 +1,4 @@
-"""What a camera sees of a known pattern, as an analytic function of where it lies: plain NumPy and Numba.
+"""What a camera shows of a known pattern, as an analytic function of where it lies: plain NumPy and Numba.
 
 A pattern point u (sides; the pattern covers |u| ≤ ½, x right and y down) is seen at ``c + A u / (1 + g·u)`` px.
 Its grey levels lie on a grid whose lines are the same along both axes. A pixel sees the pattern through its own
@@ -16,6 +16,7 @@ from math import exp, floor, sqrt
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from peaksim.kernel import kernel
 from scipy.special import ndtr
 
 PARAMETERS = 11
@@ -25,20 +26,25 @@ PIXEL_VARIANCE = 1 / 12
 """Variance of the position within a pixel, px² along each axis."""
 
 _REACH = 3.5
+"""Standard deviations at which the Gaussian is cut off: 5e-4 of a step is left out."""
+
 _MIN_DEPTH = 0.05
+"""Least 1 + g·u at which a pattern point counts as before the horizon."""
+
 _DENSITY = 1 / sqrt(2 * np.pi)
+"""Of the normal distribution at its middle."""
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """A piecewise constant picture on a grid of lines, seen only where |u| and |v| ≤ `extent`."""
+    """A piecewise constant pattern on a grid of lines, seen only where |u| and |v| ≤ `extent`."""
 
     lines: NDArray[np.float64]
     """(k,) rising positions along both axes, sides."""
     levels: NDArray[np.float64]
     """(k + 1, k + 1) levels 0…1, row by row; the first and last row and column reach to infinity."""
     extent: float
-    """Half the side of what is compared with the picture, in sides; beyond it anything may be."""
+    """Half the side of what is compared with the image, in sides; beyond it anything may be."""
 
 
 def predict(parameters: NDArray[np.float64], xy: NDArray[np.float64], pattern: Pattern) -> NDArray[np.float64]:
@@ -73,7 +79,7 @@ def pattern_points(
     return u, (1 + u @ g)[:, None, None] * inverse
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def select_pixels(parameters, lines, extent, width, height, stride):
     """Return the pixels (n, 2), as x and y, that lie inside the extent and are worth comparing.
 
@@ -114,9 +120,9 @@ def _pattern_point(parameters, x, y):
     return u, v, w, scale * b22, -scale * b12, -scale * b21, scale * b11
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def residuals(gray, pixels, parameters, lines, levels):
-    """Return picture − prediction (n,) at pixels (n, 2) and the prediction's derivatives (11, n).
+    """Return image − prediction (n,) at pixels (n, 2) and the prediction's derivatives (11, n).
 
     The derivatives leave out how A and g change the blur. Beyond the pattern's horizon the residual is 255.
     """
@@ -208,14 +214,14 @@ def _normal(z):
     return (1 - tail if z > 0 else tail), density
 
 
-@njit(cache=True)
+@kernel
 def _bounds(parameters, extent, width, height):
-    """Return the pixels left, top, right end and bottom end around the pattern's extent, inside the picture."""
+    """Return the pixels left, top, right end and bottom end around the pattern's extent, inside the image."""
     x_low, y_low, x_high, y_high = 1e9, 1e9, -1e9, -1e9
     for k in range(4):
         u = extent if k % 2 else -extent
         v = extent if k // 2 else -extent
-        w = max(1 + parameters[6] * u + parameters[7] * v, 0.05)
+        w = max(1 + parameters[6] * u + parameters[7] * v, _MIN_DEPTH)
         x = parameters[0] + (parameters[2] * u + parameters[3] * v) / w
         y = parameters[1] + (parameters[4] * u + parameters[5] * v) / w
         x_low, x_high = min(x_low, x), max(x_high, x)

@@ -2,5 +2,5 @@
 
 ::
 
-    suite.toml ─▶ suite ─▶ frames (render, find, score) ─▶ record ─▶ metrics ─▶ compare with a baseline ─▶ reports
+    suite.toml ─▶ suite ─▶ frames (render, detect, score) ─▶ record ─▶ metrics ─▶ compare with a baseline ─▶ reports
 """

@@ -7,11 +7,13 @@ from typing import Literal
 import numpy as np
 
 from peakmark.errors import InputError
-from peakmark.regress.metrics import Floats, Metric, metrics_of, percentile_interval, resample_counts
+from peakmark.regress.metrics import Floats, Metric, metrics_of
 from peakmark.regress.record import Record
+from peakmark.score.statistics import percentile_interval, resample_counts
 
 CONFIDENCE = 0.995
-"""Level of the interval that a change must leave to count: one that six frames tell with one voice does."""
+"""Level of the interval that a change must leave to count: strict enough that the many figures of a suite raise no
+false alarm over 20 seeds of the noise (`tests/peakmark/regress/test_run.py`); six frames that agree suffice."""
 
 Verdict = Literal["better", "same", "worse", "changed", "unknown"]
 
@@ -34,9 +36,9 @@ class Change:
     interval: tuple[float, float] | None
     """Of the change, by resampling frames in pairs; its level is `CONFIDENCE`."""
     verdict: Verdict
-    """What it means."""
+    """What the change means."""
     frames: tuple[int, ...]
-    """Indices of the frames that show it best, if it is a fault."""
+    """Indices of the frames that show it best; empty unless it is a fault."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Comparison:
     after: Record
     changes: tuple[Change, ...]
     """One a metric."""
-    pictures_changed: int
+    images_changed: int
     """Frames whose pixels differ."""
 
     @property
@@ -56,7 +58,7 @@ class Comparison:
         return tuple(change for change in self.changes if change.verdict in FAULTS)
 
 
-def compare(after: Record, before: Record) -> Comparison:
+def compare_records(after: Record, before: Record) -> Comparison:
     """Compare a run with a baseline of the same suite.
 
     Raises
@@ -79,7 +81,7 @@ def _check_same_suite(after: Record, before: Record) -> None:
     if after.suite_sha256 != before.suite_sha256:
         raise InputError(
             f"baseline: expected one of suite {after.suite!r} as it is now, the suite has changed since: "
-            "look at the run and accept it anew"
+            "check the run and accept it again"
         )
     if [r.frame for r in after.results] != [r.frame for r in before.results]:
         raise InputError(
@@ -95,7 +97,7 @@ def _change(new: Metric, old: Metric, counts: Floats, frames: Sequence[int]) -> 
     changes = _difference(new.resampled(counts), old.resampled(counts), new.relative)
     interval = percentile_interval(changes, CONFIDENCE)
     change = float(_difference(np.array(after), np.array(before), new.relative))
-    verdict = judge(new, change, interval)
+    verdict = verdict_of(new, change, interval)
     showing = showing_frames(new, old, frames, change) if verdict in FAULTS else ()
     return Change(new, before, after, change, interval, verdict, showing)
 
@@ -106,8 +108,8 @@ def _difference(new: Floats, old: Floats, relative: bool) -> Floats:
         return np.where(new == old, 0.0, new / old - 1) if relative else new - old
 
 
-def judge(metric: Metric, change: float, interval: tuple[float, float] | None) -> Verdict:
-    """Return what a change means: it counts if it exceeds the tolerance and its interval leaves out none at all."""
+def verdict_of(metric: Metric, change: float, interval: tuple[float, float] | None) -> Verdict:
+    """Return what a change means: it counts if it exceeds the tolerance and its interval excludes zero."""
     certain = interval is not None and (interval[0] > 0 or interval[1] < 0)
     if abs(change) <= metric.tolerance or not certain:
         return "same"

@@ -1,4 +1,4 @@
-"""What can be put to the test: anything that finds points in an image, under one name and one result.
+"""What can be tested: anything that finds points in an image, under one name and with one form of result.
 
 | name | what it finds |
 |---|---|
@@ -9,7 +9,7 @@
 | surf, surf-paper, surf-opencv, sift, sift-opencv, vlfeat | key points, see `peakmark.detectors` |
 | cv2:NAME | key points of any `cv2.Feature2D`, such as cv2:ORB or cv2:xfeatures2d.StarDetector |
 | module:function | your function of an image, in a process of its own |
-| exec:PROGRAM ARGUMENTS | your program, in images, out JSON lines; see `regress.detector_protocol` |
+| exec:PROGRAM ARGUMENTS | your program, which gets images and answers in JSON lines; see `regress.detector_protocol` |
 
 The last three run in a process that is stopped when it takes longer than the time limit.
 """
@@ -20,40 +20,40 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, get_args
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.detectors.registry import NAMES, find_detector
+from peakmark.detectors.tags import Tag, tag_detector
 from peakmark.errors import InputError
 from peakmark.identification import api as identification
-from peakmark.identification.both import identify_both
 from peakmark.identification.detection import Detection
+from peakmark.identification.search import search_image
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.patterns import Polarity
-from peakmark.regress.detector_process import run_process
+from peakmark.regress.detector_process import open_process
 from peakmark.regress.detector_protocol import Found
 
-Finder = Callable[[NDArray[np.uint8]], Found]
-"""Takes a (H, W) uint8 image. Raises FinderFailure where the fault is the finder's and the next image may go well."""
+FrameDetector = Callable[[NDArray[np.uint8]], Found]
+"""Takes a (H, W) uint8 image. Raises DetectorFailure where it failed on this image and may answer the next."""
 
 TAGS = {"aruco": "DICT_4X4_50", "apriltag": "DICT_APRILTAG_36h11"}
 
 
 @dataclass(frozen=True)
-class FinderSettings:
-    """Which finder, and how it is set."""
+class DetectorSettings:
+    """Which detector, and its settings."""
 
     name: str = "markers"
     """See the table above."""
     stretch: float = 2.0
-    """Vertical stretch before "markers" looks; 0.25…8."""
+    """Vertical stretch of the image before "markers" searches it; 0.25…8."""
     parameters: dict[str, Any] = field(default_factory=dict)
     """Of the detector: threshold, octaves, layers, … ; for "markers" those of SURF."""
     time_limit_s: float = 10.0
-    """For one image, where the finder is a process."""
+    """For one image, where the detector is a process."""
     start_limit_s: float = 60.0
-    """For its start, and once more beside the time limit of the first image, on which much code warms up."""
+    """For its start, and once more on top of the time limit of the first image, on which much code warms up."""
 
     def __post_init__(self) -> None:
         if not 0.25 <= self.stretch <= 8:
@@ -64,24 +64,24 @@ class FinderSettings:
 
 
 @contextmanager
-def open_finder(settings: FinderSettings) -> Iterator[Finder]:
-    """Give a finder; where it is a process, that is started and stopped with the block.
+def open_detector(settings: DetectorSettings) -> Iterator[FrameDetector]:
+    """Give a detector; one in a process of its own is started and stopped with the block.
 
     Raises
     ------
     InputError
-        If there is no such finder, or it cannot be started.
+        If there is no such detector, or it cannot be started.
     """
     name = settings.name
     if name.startswith("exec:") or (":" in name and not name.startswith("aruco:")):
-        with run_process(name, settings.parameters, settings.time_limit_s, settings.start_limit_s) as finder:
-            yield finder
+        with open_process(name, settings.parameters, settings.time_limit_s, settings.start_limit_s) as detector:
+            yield detector
     else:
-        yield built_in(settings)
+        yield built_in_detector(settings)
 
 
-def built_in(settings: FinderSettings) -> Finder:
-    """Return one of our own or OpenCV's finders.
+def built_in_detector(settings: DetectorSettings) -> FrameDetector:
+    """Return one of our own or of OpenCV's detectors.
 
     Raises
     ------
@@ -94,9 +94,9 @@ def built_in(settings: FinderSettings) -> Finder:
     if name == "cave-markers":
         if settings.parameters:
             raise InputError(f"detector cave-markers: expected no parameters, got {', '.join(settings.parameters)}")
-        return _find_both
+        return _find_by_classifier
     if name in TAGS:
-        return _tag_finder(dictionary or TAGS[name])
+        return _tag_detector(dictionary or TAGS[name])
     if name in NAMES:
         detector = find_detector(name)
         return lambda image: Found(strongest_first(detector(image, **settings.parameters)), None)
@@ -106,49 +106,30 @@ def built_in(settings: FinderSettings) -> Finder:
 
 def _find_markers(stretch: float, parameters: dict[str, Any], image: NDArray[np.uint8]) -> Found:
     """Find light and dark markers among the features of one stretched image."""
-    features = identification.stretched_features(image, stretch, **parameters)
+    features = identification.detect_stretched(image, stretch, **parameters)
     both = [
         d
         for polarity in get_args(Polarity)
-        for d in identification.examine(image, features, polarity, stretch=stretch).detections
+        for d in identification.identify_features(image, features, polarity, stretch=stretch).detections
     ]
     ordered = sorted(both, key=lambda detection: -detection.response)
     return Found(features, tuple(replace(detection, id=i) for i, detection in enumerate(ordered)))
 
 
-def _find_both(image: NDArray[np.uint8]) -> Found:
+def _find_by_classifier(image: NDArray[np.uint8]) -> Found:
     """Find light and dark markers by the classifier of the CAVE."""
-    both = identify_both(image)
+    both = search_image(image)
     return Found(both.features, both.detections)
 
 
-def _tag_finder(dictionary: str) -> Finder:
-    number = getattr(cv2.aruco, dictionary, None) if dictionary.startswith("DICT_") else None
-    if number is None:
-        raise InputError(f"detector: expected a dictionary of cv2.aruco such as DICT_4X4_50, got {dictionary!r}")
-    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(number))
-
-    def find(image: NDArray[np.uint8]) -> Found:
-        corners, ids, _ = detector.detectMarkers(image)
-        tags = zip(corners, [] if ids is None else ids.ravel(), strict=True)
-        return Found(
-            Keypoints.empty(),
-            tuple(
-                _tag(i, np.asarray(quad, dtype=np.float64).reshape(4, 2), int(tag))
-                for i, (quad, tag) in enumerate(tags)
-            ),
-        )
-
-    return find
+def _tag_detector(dictionary: str) -> FrameDetector:
+    find_tags = tag_detector(dictionary)
+    return lambda image: Found(Keypoints.empty(), tuple(_tag(i, tag) for i, tag in enumerate(find_tags(image))))
 
 
-def _tag(i: int, corners: NDArray[np.float64], tag: int) -> Detection:
-    """Return a tag as a detection: its centre where its diagonals meet, its id as the rank."""
-    (a, b), (c, d) = corners[[0, 2]], corners[[1, 3]]
-    share = np.linalg.solve(np.stack([b - a, c - d], axis=1), c - a)[0]
-    x, y = corners.T
-    area = abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
-    return Detection(i, a + share * (b - a), float(np.sqrt(area)), "dark", 1.0, 0.0, tag)
+def _tag(i: int, tag: Tag) -> Detection:
+    """Return a tag as a detection, its number as the rank."""
+    return Detection(i, tag.center_xy, tag.side_px, "dark", 1.0, 0.0, tag.id)
 
 
 def strongest_first(features: Keypoints) -> Keypoints:

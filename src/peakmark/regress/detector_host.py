@@ -1,12 +1,13 @@
 """The process in which a user's function or a cv2.Feature2D runs: `-m peakmark.regress.detector_host NAME PARAMETERS`.
 
-It says "ready", or why it cannot; then it answers each line of `peakmark.regress.detector_protocol` with one line.
+It writes "ready", or the reason why it cannot start, and then answers each request line of
+`peakmark.regress.detector_protocol` with one line.
 """
 
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -18,12 +19,13 @@ from peakmark.detectors.registry import as_keypoints, find_detector, import_func
 from peakmark.errors import InputError
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.regress.detector_protocol import Found, answer
+from peakmark.regress.detector_protocol import Found, answer_line
 
-Find = Callable[[NDArray[np.uint8]], Any]
+UserFunction = Callable[[NDArray[np.uint8]], Any]
+"""Takes a (H, W) uint8 image and returns what `as_found` knows."""
 
 
-def load(name: str, parameters: dict[str, Any]) -> Find:
+def load(name: str, parameters: dict[str, Any]) -> UserFunction:
     """Return the function of an image behind "module:function" or "cv2:NAME"; both take parameters.
 
     Raises
@@ -58,15 +60,15 @@ def as_found(value: Any) -> Found:
     return found
 
 
-def serve(find: Find, frames: Any, reply: Callable[[bytes], None]) -> None:
+def serve(find: UserFunction, requests: Iterable[bytes], reply: Callable[[bytes], None]) -> None:
     """Answer requests until there are no more; what the function raises is an answer too."""
-    for line in frames:
-        asked = json.loads(line)
+    for line in requests:
+        request = json.loads(line)
         try:
-            reply(answer(asked["frame"], as_found(find(read_image(asked["image"])))))
+            reply(answer_line(request["frame"], as_found(find(read_image(request["image"])))))
         except Exception as error:  # the user's code may raise anything
             reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-            reply((json.dumps({"frame": asked["frame"], "error": reason}) + "\n").encode())
+            reply((json.dumps({"frame": request["frame"], "error": reason}) + "\n").encode())
 
 
 def main(name: str, parameters: str = "{}") -> None:

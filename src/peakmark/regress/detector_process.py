@@ -1,4 +1,4 @@
-"""A finder in a process of its own: asked by lines, stopped when it is too slow, started again when it dies."""
+"""A detector in a process of its own, which is stopped when it takes too long and started again when it has died."""
 
 import json
 import os
@@ -19,18 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.errors import InputError
-from peakmark.regress.detector_protocol import FinderFailure, Found, parse_answer, request
+from peakmark.regress.detector_protocol import DetectorFailure, Found, parse_answer, request_line
 
-_LONGEST_LINE = 200_000_000  # bytes
+_LONGEST_LINE = 200_000_000  # bytes: room for `MOST_POINTS` points of 200 characters
 
 
 @contextmanager
-def run_process(
+def open_process(
     name: str, parameters: dict[str, Any], time_limit_s: float, start_limit_s: float
-) -> "Iterator[FinderProcess]":
-    """Give a finder that runs "exec:PROGRAM …", "module:function" or "cv2:NAME".
+) -> Iterator["DetectorProcess"]:
+    """Give a detector that runs "exec:PROGRAM …", "module:function" or "cv2:NAME".
 
-    `start_limit_s` is for starting, and once more beside `time_limit_s` for the first image.
+    `start_limit_s` is for its start, and once more on top of `time_limit_s` for the first image.
 
     Raises
     ------
@@ -38,15 +38,15 @@ def run_process(
         If it cannot be started.
     """
     with tempfile.TemporaryDirectory(prefix="peakmark-") as folder:
-        finder = FinderProcess(name, command_of(name, parameters), (time_limit_s, start_limit_s), Path(folder))
+        detector = DetectorProcess(name, command_of(name, parameters), (time_limit_s, start_limit_s), Path(folder))
         try:
-            finder.start()
-            yield finder
+            detector.start()
+            yield detector
         finally:
-            finder.stop()
+            detector.stop()
 
 
-class FinderProcess:
+class DetectorProcess:
     """A program and the pipes to it; calling it with an image asks for an answer."""
 
     def __init__(self, name: str, command: list[str], limits_s: tuple[float, float], folder: Path) -> None:
@@ -65,18 +65,18 @@ class FinderProcess:
 
         Raises
         ------
-        FinderFailure
-            "timeout: …", "crash: …", "rubbish: …" or "error: …"; the next image finds a new process.
+        DetectorFailure
+            "timeout: …", "crash: …", "rubbish: …" or "error: …"; the next image gets a new process.
         """
         frame, self._frame = self._frame, self._frame + 1
         file = self._folder / f"{frame:08d}.png"
         cv2.imwrite(str(file), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         try:
             self.start()
-            found = parse_answer(self._ask(request(frame, str(file), image.shape[1], image.shape[0])), frame)
+            found = parse_answer(self._ask(request_line(frame, str(file), image.shape[1], image.shape[0])), frame)
             self._is_warm = True
             return found
-        except FinderFailure as failure:
+        except DetectorFailure as failure:
             if not str(failure).startswith("error:"):
                 self.stop()  # whatever it still writes must not be taken for the next answer
             raise
@@ -108,7 +108,7 @@ class FinderProcess:
         """Wait until our host of a user's function has imported it."""
         try:
             line = self._read_line(self._start_limit_s)
-        except FinderFailure as failure:
+        except DetectorFailure as failure:
             raise InputError(f"detector {self.name}: cannot be started: {failure}") from failure
         if line != b"ready\n":
             raise InputError(f"detector {self.name}: {line.decode('utf-8', 'replace').strip()[:300]}")
@@ -142,29 +142,29 @@ class FinderProcess:
         handle, deadline = self._process.stdout.fileno(), monotonic() + limit_s
         while b"\n" not in self._pending:
             if not select.select([handle], [], [], max(0.0, deadline - monotonic()))[0]:
-                raise FinderFailure(f"timeout: no answer within {limit_s:g} s")
+                raise DetectorFailure(f"timeout: no answer within {limit_s:g} s")
             chunk = os.read(handle, 1 << 20)
             if not chunk:
                 raise self._crash()
             self._pending += chunk
             if len(self._pending) > _LONGEST_LINE:
-                raise FinderFailure(f"rubbish: a line longer than {_LONGEST_LINE} bytes")
+                raise DetectorFailure(f"rubbish: a line longer than {_LONGEST_LINE} bytes")
         line, _, self._pending = self._pending.partition(b"\n")
         return line + b"\n"
 
-    def _crash(self) -> FinderFailure:
-        """Return how the program ended, with the last line that it complained."""
+    def _crash(self) -> DetectorFailure:
+        """Return how the program ended, with the last line of its complaints."""
         assert self._process is not None
         try:
             status = self._process.wait(1.0)
         except subprocess.TimeoutExpired:
-            return FinderFailure("crash: it closed its output")
+            return DetectorFailure("crash: it closed its output")
         words = self._errors.read_text("utf-8", "replace").strip().splitlines()
-        return FinderFailure(f"crash: it ended with status {status}{': ' + words[-1][:200] if words else ''}")
+        return DetectorFailure(f"crash: it ended with status {status}{': ' + words[-1][:200] if words else ''}")
 
 
 def command_of(name: str, parameters: dict[str, Any]) -> list[str]:
-    """Return the program and arguments of a finder's name.
+    """Return the program and arguments of a detector's name.
 
     Raises
     ------

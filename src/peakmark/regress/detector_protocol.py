@@ -1,4 +1,4 @@
-"""How a finder in another process is spoken to: one line of JSON for each image, one for each answer.
+"""How to talk to a detector in another process: one line of JSON for each image, one for each answer.
 
 To the program, on its standard input::
 
@@ -25,11 +25,11 @@ from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
 
 MOST_POINTS = 1_000_000
-"""An answer with more is refused."""
+"""An answer with more is refused: that is a point in every third pixel of 2048×1536."""
 
 
-class FinderFailure(Exception):
-    """A finder failed on one image; the message is one line and starts with the kind of failure."""
+class DetectorFailure(Exception):
+    """A detector failed on one image; the message is one line and starts with the kind of failure."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +37,18 @@ class Found:
     """What was found in one image."""
 
     features: Keypoints
-    """All key points, strongest first; empty where the finder has none."""
+    """All key points, strongest first; empty where the detector gives none."""
     detections: tuple[Detection, ...] | None
-    """What is taken for a marker; None where the finder does not say."""
+    """What is taken for a marker; None where the detector does not say."""
 
 
-def request(frame: int, image: str, width: int, height: int) -> bytes:
+def request_line(frame: int, image: str, width: int, height: int) -> bytes:
     """Return the line that asks for an image."""
     return (json.dumps({"frame": frame, "image": image, "width": width, "height": height}) + "\n").encode()
 
 
-def answer(frame: int, found: Found) -> bytes:
-    """Return the line that answers."""
+def answer_line(frame: int, found: Found) -> bytes:
+    """Return the line that answers a request."""
     kp = found.features
     columns = zip(kp.xy.tolist(), kp.size.tolist(), kp.response.tolist(), kp.laplacian.tolist(), strict=True)
     value: dict[str, Any] = {
@@ -79,18 +79,18 @@ def parse_answer(line: bytes, frame: int) -> Found:
 
     Raises
     ------
-    FinderFailure
+    DetectorFailure
         "rubbish: …" if it is not one, "error: …" if it says that the program failed.
     """
     try:
         value = json.loads(line)
     except ValueError as error:
-        raise FinderFailure(f"rubbish: expected a line of JSON, got {_excerpt(line)}") from error
+        raise DetectorFailure(f"rubbish: expected a line of JSON, got {_excerpt(line)}") from error
     if isinstance(value, dict) and isinstance(value.get("error"), str):
-        raise FinderFailure(f"error: {' '.join(value['error'].split())[:200]}")
+        raise DetectorFailure(f"error: {' '.join(value['error'].split())[:200]}")
     if not isinstance(value, dict) or value.get("frame") != frame or not {"detections", "keypoints"} & value.keys():
         expected = f'{{"frame": {frame}, "detections" or "keypoints": […]}}'
-        raise FinderFailure(f"rubbish: expected {expected}, got {_excerpt(line)}")
+        raise DetectorFailure(f"rubbish: expected {expected}, got {_excerpt(line)}")
     features = _features(_rows(value.get("keypoints", []), "keypoints"))
     if "detections" not in value:
         return Found(features, None)
@@ -105,18 +105,18 @@ def _excerpt(line: bytes) -> str:
 def _rows(value: Any, name: str) -> list[dict[str, Any]]:
     """Return points with x, y, size and response as finite numbers."""
     if not isinstance(value, list) or len(value) > MOST_POINTS:
-        raise FinderFailure(f"rubbish: {name}: expected a list of at most {MOST_POINTS} points")
+        raise DetectorFailure(f"rubbish: {name}: expected a list of at most {MOST_POINTS} points")
     return [_row(point, name) for point in value]
 
 
 def _row(point: Any, name: str) -> dict[str, Any]:
     if not isinstance(point, dict):
-        raise FinderFailure(f"rubbish: {name}: expected points with x and y, got {str(point)[:40]!r}")
+        raise DetectorFailure(f"rubbish: {name}: expected points with x and y, got {str(point)[:40]!r}")
     numbers = {"size": 0.0, "response": 0.0, "distance": 0.0, "rank": 0, "laplacian": 0, **point}
     for field in ("x", "y", "size", "response", "distance", "rank", "laplacian"):
         number = numbers.get(field)
         if isinstance(number, bool) or not isinstance(number, int | float) or not np.isfinite(number):
-            raise FinderFailure(f"rubbish: {name}: {field}: expected a finite number, got {str(number)[:40]!r}")
+            raise DetectorFailure(f"rubbish: {name}: {field}: expected a finite number, got {str(number)[:40]!r}")
     return numbers
 
 

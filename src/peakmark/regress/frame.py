@@ -1,7 +1,7 @@
-"""One frame's result: what was asked for, found and wrongly found, as one line of a record."""
+"""One frame's result: what was wanted, found and wrongly found, as one line of a record."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,12 @@ from peakmark.regress.detector_protocol import Found
 from peakmark.score.markers import score_frame
 from peakmark.score.wanted import Wanted
 
-_PLACES = 3  # decimals of a pixel in a record
+_DECIMALS = 3  # of a pixel in a record
 
 
 @dataclass(frozen=True)
-class MarkerResult:
-    """A marker that was asked for."""
+class ScoredMarker:
+    """A marker that was wanted."""
 
     side_px: float
     """Its true side."""
@@ -35,38 +35,39 @@ class MarkerResult:
 
 
 @dataclass(frozen=True)
-class FrameResult:
-    """What a finder made of one frame."""
+class ScoredFrame:
+    """What a detector made of one frame."""
 
     frame: int
     """Index in the suite."""
     picture: str
-    """First 16 hexadecimal digits of the pixels' SHA-256."""
+    """First 16 hexadecimal digits of the SHA-256 of the image's pixels; named as in the file."""
     features: int = 0
     """Key points found."""
     failure: str | None = None
-    """Why the finder gave no answer."""
+    """Why the detector gave no answer."""
     false_xy: tuple[tuple[float, float], ...] | None = None
-    """Detections at no marker, px; None where the finder does not say what it takes for a marker."""
+    """Detections at no marker, px; None where the detector does not say what it takes for a marker."""
     drop: float | None = None
     """Weakest found marker's response over the strongest clutter's."""
-    markers: dict[str, MarkerResult] = field(default_factory=dict)
-    """Name → result of the markers asked for."""
+    markers: dict[str, ScoredMarker] = field(default_factory=dict)
+    """Name → result of the markers wanted."""
 
-    def to_plain(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return asdict(self)
+    @property
+    def found(self) -> int:
+        """How many of the markers were found."""
+        return sum(marker.xy is not None for marker in self.markers.values())
 
 
-def from_plain(values: dict[str, Any]) -> FrameResult:
-    """Return a result from `to_plain`'s values, also after JSON."""
+def from_plain(values: dict[str, Any]) -> ScoredFrame:
+    """Return a result from `dataclasses.asdict`'s values, also after JSON."""
     markers = {
-        name: MarkerResult(**{**m, "true_xy": _pair(m["true_xy"]), "xy": m["xy"] and _pair(m["xy"])})
+        name: ScoredMarker(**{**m, "true_xy": _pair(m["true_xy"]), "xy": m["xy"] and _pair(m["xy"])})
         for name, m in values["markers"].items()
     }
     false = values["false_xy"]
     false_xy = None if false is None else tuple(_pair(xy) for xy in false)
-    return FrameResult(**{**values, "markers": markers, "false_xy": false_xy})
+    return ScoredFrame(**{**values, "markers": markers, "false_xy": false_xy})
 
 
 def _pair(values: Sequence[float]) -> tuple[float, float]:
@@ -74,9 +75,9 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def result_of(
-    frame: int, picture: str, truth: Sequence[MarkerTruth], found: Found, wanted: Wanted, tolerance_px: float
-) -> FrameResult:
+def score_answer(
+    frame: int, digest: str, truth: Sequence[MarkerTruth], found: Found, wanted: Wanted, tolerance_px: float
+) -> ScoredFrame:
     """Score what was found in a frame."""
     known = [t for t in truth if wanted.counts(t)]
     visible = [t for t in known if t.visible_fraction > 0]
@@ -86,9 +87,9 @@ def result_of(
     score = score_frame(known, detections, found.features, wanted, tolerance_px)
     matched = set(score.matches.values())
     false = [_rounded(d.xy) for i, d in enumerate(detections) if i not in matched]
-    return FrameResult(
+    return ScoredFrame(
         frame=frame,
-        picture=picture,
+        picture=digest,
         features=len(found.features),
         false_xy=None if found.detections is None else tuple(false),
         drop=None if score.response_drop is None else float(f"{score.response_drop:.6g}"),
@@ -96,31 +97,31 @@ def result_of(
     )
 
 
-def failed(frame: int, picture: str, truth: Sequence[MarkerTruth], reason: str, wanted: Wanted) -> FrameResult:
-    """Return the result of a frame on which the finder gave no answer: every marker is missed."""
-    return FrameResult(
-        frame, picture, failure=reason, markers={t.name: _marker_result(t, (), {}) for t in wanted.of(truth)}
+def score_failure(frame: int, digest: str, truth: Sequence[MarkerTruth], reason: str, wanted: Wanted) -> ScoredFrame:
+    """Return the result of a frame on which the detector gave no answer: every marker is missed."""
+    return ScoredFrame(
+        frame, digest, failure=reason, markers={t.name: _marker_result(t, (), {}) for t in wanted.of(truth)}
     )
 
 
-def _marker_result(marker: MarkerTruth, detections: Sequence[Detection], matches: dict[str, int]) -> MarkerResult:
-    place = (round(marker.side_px, _PLACES), _rounded(marker.center_xy))
+def _marker_result(marker: MarkerTruth, detections: Sequence[Detection], matches: dict[str, int]) -> ScoredMarker:
+    truth = (round(marker.side_px, _DECIMALS), _rounded(marker.center_xy))
     if marker.name not in matches:
-        return MarkerResult(*place)
+        return ScoredMarker(*truth)
     detection = detections[matches[marker.name]]
     stated = {polarity for polarity in ("light", "dark") if polarity in marker.kind}
     right = detection.polarity in stated if stated else None
-    return MarkerResult(*place, _rounded(detection.xy), float(f"{detection.response:.6g}"), right)
+    return ScoredMarker(*truth, _rounded(detection.xy), float(f"{detection.response:.6g}"), right)
 
 
 def _rounded(xy: NDArray[np.float64]) -> tuple[float, float]:
-    return round(float(xy[0]), _PLACES), round(float(xy[1]), _PLACES)
+    return round(float(xy[0]), _DECIMALS), round(float(xy[1]), _DECIMALS)
 
 
 def strongest_at_markers(
     visible: Sequence[MarkerTruth], features: Keypoints, tolerance_px: float
 ) -> tuple[Detection, ...]:
-    """Return the strongest key point at each marker's centre: what a detector that does not identify is scored by."""
+    """Return the strongest key point at each marker's centre, by which a detector that does not identify is scored."""
     found: list[Detection] = []
     for marker in visible:
         near = np.flatnonzero(np.linalg.norm(features.xy - marker.center_xy, axis=1) <= tolerance_px)

@@ -5,14 +5,15 @@ exponential (geometric mean). That makes resampling frames a matrix product, and
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.regress.frame import FrameResult, MarkerResult
+from peakmark.regress.frame import ScoredFrame, ScoredMarker
+from peakmark.score.statistics import percentile_interval
 
 Form = Literal["mean", "rms", "geometric"]
 Direction = Literal["higher", "lower", "same"]
@@ -20,8 +21,6 @@ Floats = NDArray[np.float64]
 
 SIDE_EDGES_PX = (0.0, 24.0, 48.0, 96.0, 192.0, np.inf)
 """Classes of marker sides, px; each octave of SURF serves about one of them."""
-
-RESAMPLES = 10_000
 
 _FORMS: dict[str, Callable[[Floats], Floats]] = {"mean": lambda ratio: ratio, "rms": np.sqrt, "geometric": np.exp}
 
@@ -48,7 +47,7 @@ class Metric:
     """(n,) per frame."""
 
     def value(self) -> float | None:
-        """Return the figure; None where no frame has anything to say about it."""
+        """Return the figure; None where no frame contributes to it."""
         value = float(self.resampled(np.ones((1, len(self.a))))[0])
         return None if np.isnan(value) else value
 
@@ -62,50 +61,32 @@ class Metric:
         return percentile_interval(self.resampled(counts), level)
 
 
-def percentile_interval(values: Floats, level: float) -> tuple[float, float] | None:
-    """Return the middle `level` of values; None where more than one in twenty is nan."""
-    if np.isnan(values).mean() > 0.05:
-        return None
-    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2])
-    return float(low), float(high)
-
-
-def resample_counts(frames: int, seed: int = 0) -> Floats:
-    """Return (RESAMPLES, frames) counts of frames drawn with replacement."""
-    rng = np.random.default_rng(seed)
-    return rng.multinomial(frames, np.full(frames, 1 / frames), RESAMPLES).astype(np.float64)
-
-
 # --- which metrics there are ----------------------------------------------------------------------------------
 
 
-def metrics_of(results: Sequence[FrameResult], tolerances: dict[str, float]) -> tuple[Metric, ...]:
+def metrics_of(results: Sequence[ScoredFrame], tolerances: dict[str, float]) -> tuple[Metric, ...]:
     """Return the metrics of a run, always the same ones; `tolerances` replace the built-in ones by key."""
-    listed = [*_found(results), *_precision(results), *_places(results), *_strengths(results)]
-    return tuple(
-        Metric(key, unit, direction, tolerances.get(key, tolerance), relative, form, a, b)
-        for key, unit, direction, tolerance, relative, form, a, b in listed
-    )
+    listed = (*_found(results), *_precision(results), *_positions(results), *_strengths(results))
+    return tuple(replace(metric, tolerance=tolerances.get(metric.key, metric.tolerance)) for metric in listed)
 
 
-Row = tuple[str, str, Direction, float, bool, Form, Floats, Floats]
-Pick = Callable[[MarkerResult], float | None]
+Pick = Callable[[ScoredMarker], float | None]
 
 
-def _sums(results: Sequence[FrameResult], pick: Pick) -> tuple[Floats, Floats]:
-    """Return per frame the sum and the count of what `pick` takes from each marker asked for."""
+def _sums(results: Sequence[ScoredFrame], pick: Pick) -> tuple[Floats, Floats]:
+    """Return per frame the sum and the count of what `pick` takes from each marker wanted."""
     rows = [[v for m in result.markers.values() if (v := pick(m)) is not None] for result in results]
     return np.array([sum(row) for row in rows], dtype=float), np.array([len(row) for row in rows], dtype=float)
 
 
-def _found(results: Sequence[FrameResult]) -> list[Row]:
-    """Recall, in all and by side; the share of frames without an answer."""
-    rows: list[Row] = [("recall", "", "higher", 0.01, False, "mean", *_sums(results, _is_found(0, np.inf)))]
+def _found(results: Sequence[ScoredFrame]) -> list[Metric]:
+    """Return recall, in all and by side, and the share of frames without an answer."""
+    rows = [Metric("recall", "", "higher", 0.01, False, "mean", *_sums(results, _is_found(0, np.inf)))]
     for low, high in pairwise(SIDE_EDGES_PX):
         name = f"recall, side {low:g}…{high:g} px" if np.isfinite(high) else f"recall, side from {low:g} px"
-        rows.append((name, "", "higher", 0.02, False, "mean", *_sums(results, _is_found(low, high))))
+        rows.append(Metric(name, "", "higher", 0.02, False, "mean", *_sums(results, _is_found(low, high))))
     failures = np.array([float(result.failure is not None) for result in results])
-    return [*rows, ("frames without an answer", "", "lower", 0.0, False, "mean", failures, np.ones(len(results)))]
+    return [*rows, Metric("frames without an answer", "", "lower", 0.0, False, "mean", failures, np.ones(len(results)))]
 
 
 def _is_found(low_px: float, high_px: float) -> Pick:
@@ -113,40 +94,42 @@ def _is_found(low_px: float, high_px: float) -> Pick:
     return lambda m: float(m.xy is not None) if low_px <= m.side_px < high_px else None
 
 
-def _precision(results: Sequence[FrameResult]) -> list[Row]:
-    """False detections, and wrong polarities of found markers."""
-    told = np.array([float(result.false_xy is not None) for result in results])
+def _precision(results: Sequence[ScoredFrame]) -> list[Metric]:
+    """Return false detections, and wrong polarities of found markers."""
+    identified = np.array([float(result.false_xy is not None) for result in results])
     false = np.array([float(len(result.false_xy or ())) for result in results])
     wrong = _sums(results, lambda m: None if m.polarity_is_right is None else float(not m.polarity_is_right))
     return [
-        ("false detections", "a frame", "lower", 0.1, False, "mean", false, told),
-        ("wrong polarity", "", "lower", 0.01, False, "mean", *wrong),
+        Metric("false detections", "a frame", "lower", 0.1, False, "mean", false, identified),
+        Metric("wrong polarity", "", "lower", 0.01, False, "mean", *wrong),
     ]
 
 
-def _places(results: Sequence[FrameResult]) -> list[Row]:
+def _positions(results: Sequence[ScoredFrame]) -> list[Metric]:
+    """Return the error of positions and its mean along each axis."""
+
     def error(axis: int) -> Pick:
         return lambda m: None if m.xy is None else m.xy[axis] - m.true_xy[axis]
 
     squares = _sums(results, lambda m: None if m.xy is None else float(np.sum(np.subtract(m.xy, m.true_xy) ** 2)))
     return [
-        ("error, rms", "px", "lower", 0.05, False, "rms", *squares),
-        ("bias in x", "px", "same", 0.1, False, "mean", *_sums(results, error(0))),
-        ("bias in y", "px", "same", 0.1, False, "mean", *_sums(results, error(1))),
+        Metric("error, rms", "px", "lower", 0.05, False, "rms", *squares),
+        Metric("bias in x", "px", "same", 0.1, False, "mean", *_sums(results, error(0))),
+        Metric("bias in y", "px", "same", 0.1, False, "mean", *_sums(results, error(1))),
     ]
 
 
-def _strengths(results: Sequence[FrameResult]) -> list[Row]:
-    """Features, responses, and the drop from markers to clutter; where the finder tells them."""
+def _strengths(results: Sequence[ScoredFrame]) -> list[Metric]:
+    """Return features, responses, and the drop from markers to clutter, where the detector tells them."""
     answered = np.array([float(result.failure is None) for result in results])
     features = answered * [result.features for result in results]
     responses = _sums(results, lambda m: _log(m.response))
-    drops = [_log(result.drop) for result in results]
-    known = np.array([float(drop is not None) for drop in drops])
+    drops = np.array([_log(result.drop) for result in results], dtype=np.float64)  # nan where there is none
+    known = np.isfinite(drops).astype(np.float64)
     return [
-        ("features", "a frame", "same", 0.03, True, "mean", features, answered),
-        ("response of markers", "", "same", 0.05, True, "geometric", *responses),
-        ("drop to clutter", "", "higher", 0.1, True, "geometric", np.array([drop or 0.0 for drop in drops]), known),
+        Metric("features", "a frame", "same", 0.03, True, "mean", features, answered),
+        Metric("response of markers", "", "same", 0.05, True, "geometric", *responses),
+        Metric("drop to clutter", "", "higher", 0.1, True, "geometric", np.nan_to_num(drops), known),
     ]
 
 

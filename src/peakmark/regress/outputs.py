@@ -1,4 +1,4 @@
-"""What a comparison says to machines and people: JUnit XML for CI services, Markdown, and plain values."""
+"""A comparison for machines and people: JUnit XML for CI services, Markdown, and plain values."""
 
 from typing import Any
 from xml.etree import ElementTree
@@ -44,28 +44,21 @@ def sentence(change: Change) -> str:
 
 
 def markdown(comparison: Comparison) -> str:
-    """Return a summary for a pull request: what it is, the table, the frames to look at."""
+    """Return a summary for a pull request: what was tested, the table, the frames that show faults."""
     after, faults = comparison.after, comparison.faults
     verdict = f"{len(faults)} of {len(comparison.changes)} figures got worse or changed" if faults else "no regression"
     lines = [
         f"## {escaped(after.suite)}: {verdict}",
         "",
-        f"Detector `{escaped(str(after.detector['name']))}` on {len(after.results)} frames, seed {after.seed}.",
+        f"Detector `{escaped(after.detector.name)}` on {len(after.results)} frames, seed {after.seed}.",
     ]
-    if comparison.pictures_changed:
-        lines.append(f"The pixels of {comparison.pictures_changed} frames differ from the baseline's.")
+    if comparison.images_changed:
+        lines.append(f"The pixels of {comparison.images_changed} frames differ from the baseline's.")
     lines += ["", "| | figure | before | after | change | tolerance |", "|---|---|---:|---:|---:|---:|"]
     for change in comparison.changes:
-        title = f"{change.metric.key} ({change.metric.unit})" if change.metric.unit else change.metric.key
-        cells = (
-            SIGNS[change.verdict],
-            title,
-            number(change.before),
-            number(change.after),
-            change_text(change),
-            tolerance_text(change),
-        )
-        lines.append(f"| {' | '.join(map(escaped, cells))} |")
+        sign, key, *values = cells_of(change)
+        title = f"{key} ({change.metric.unit})" if change.metric.unit else key
+        lines.append(f"| {' | '.join(map(escaped, (sign, title, *values)))} |")
     lines += ["", *(f"- {escaped(sentence(change))}" for change in faults)]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -75,6 +68,12 @@ def escaped(text: str) -> str:
     for character in "&<>|`[":
         text = text.replace(character, f"&#{ord(character)};") if character != "&" else text.replace("&", "&amp;")
     return " ".join(text.split())
+
+
+def cells_of(change: Change) -> tuple[str, ...]:
+    """Return a table's row: sign, figure, before, after, change with its interval, tolerance."""
+    values = (number(change.before), number(change.after), change_text(change), tolerance_text(change))
+    return SIGNS[change.verdict], change.metric.key, *values
 
 
 def number(value: float | None) -> str:
@@ -107,7 +106,7 @@ def plain(comparison: Comparison) -> dict[str, Any]:
         "suite": comparison.after.suite,
         "frames": len(comparison.after.results),
         "regression": bool(comparison.faults),
-        "pictures_changed": comparison.pictures_changed,
+        "pictures_changed": comparison.images_changed,
         "confidence": CONFIDENCE,
         "changes": [_plain_change(change) for change in comparison.changes],
     }

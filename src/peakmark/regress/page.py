@@ -4,43 +4,42 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from peakmark.regress.compare import FAULTS, Change, Comparison
-from peakmark.regress.frame import FrameResult
-from peakmark.regress.outputs import SIGNS, change_text, number, sentence, tolerance_text
+from peakmark.regress.compare import Change, Comparison
+from peakmark.regress.frame import ScoredFrame
+from peakmark.regress.outputs import SIGNS, cells_of, sentence
 from peakmark.regress.record import Record
-from peakmark.regress.run import PICTURE
+from peakmark.regress.run import IMAGE_NAME
 from peakmark.report import plots
-from peakmark.report.overlay import FALSE, FOUND, MISSED, rgb
-from peakmark.report.page import Picture, Section, Table, jpeg_uri, svg_uri, write_report
+from peakmark.report.overlay import FALSE, FOUND, MISSED, draw_circle, draw_cross, rgb_copy
+from peakmark.report.page import CaptionedImage, Section, Table, jpeg_uri, svg_uri, write_report
 
 _COLOURS = {"better": "#1a7f37", "worse": "#cf222e", "changed": "#9a6700"}
 _SAME_COLOUR = "#57606a"
-_SHOWN_PX = 1000  # widest picture
+_SHOWN_PX = 1000  # widest image
 
 
-def write_page(path: Path, comparison: Comparison, pictures: Path) -> None:
-    """Write the page; `pictures` is the run's folder of frames."""
+def write_page(path: Path, comparison: Comparison, images: Path) -> None:
+    """Write the page; `images` is the run's folder of frames."""
     after, faults = comparison.after, comparison.faults
-    changed = comparison.pictures_changed
+    changed = comparison.images_changed
     lead = [
         f"{len(faults)} of {len(comparison.changes)} figures got worse or changed." if faults else "No regression.",
-        f"Detector {after.detector['name']} on {len(after.results)} frames, seed {after.seed}, against a baseline of",
-        f"{comparison.before.detector['name']}, seed {comparison.before.seed}.",
+        f"Detector {after.detector.name} on {len(after.results)} frames, seed {after.seed}, against a baseline of",
+        f"{comparison.before.detector.name}, seed {comparison.before.seed}.",
         f"The pixels of {changed} frames differ from the baseline's." if changed else "",
     ]
-    write_report(path, f"Regression: {after.suite}", " ".join(lead).strip(), [*_sections(comparison, pictures)])
+    write_report(path, f"Regression: {after.suite}", " ".join(lead).strip(), [*_sections(comparison, images)])
 
 
-def _sections(comparison: Comparison, pictures: Path) -> Iterator[Section]:
+def _sections(comparison: Comparison, images: Path) -> Iterator[Section]:
     yield Section("Figures", table=_table(comparison.changes))
     for change in comparison.faults:
-        shown = [picture for frame in change.frames for picture in _pair(comparison, pictures, frame)]
-        yield Section(f"{SIGNS[change.verdict]} {change.metric.key}", text=sentence(change), pictures=shown)
+        shown = [image for frame in change.frames for image in _pair(comparison, images, frame)]
+        yield Section(f"{SIGNS[change.verdict]} {change.metric.key}", text=sentence(change), images=shown)
     yield Section(
         "Changes against their tolerances",
         image=svg_uri(_changes_figure(comparison.changes)),
@@ -51,7 +50,7 @@ def _sections(comparison: Comparison, pictures: Path) -> Iterator[Section]:
     frames = [result.frame for result in comparison.after.results]
     yield Section(
         "Markers found, frame by frame",
-        image=svg_uri(_course_figure(frames, *recall)),
+        image=svg_uri(_recall_figure(frames, *recall)),
         data=Table(("frame", "before", "after"), list(zip(frames, *recall, strict=True))),
     )
     yield Section("What was run", table=_origin(comparison.before, comparison.after))
@@ -62,28 +61,20 @@ def _table(changes: tuple[Change, ...]) -> Table:
     return Table(
         head,
         [
-            (
-                SIGNS[c.verdict],
-                c.metric.key,
-                c.metric.unit,
-                number(c.before),
-                number(c.after),
-                change_text(c),
-                tolerance_text(c),
-                c.verdict,
-            )
-            for c in changes
+            (sign, key, change.metric.unit, *values, change.verdict)
+            for change in changes
+            for sign, key, *values in [cells_of(change)]
         ],
     )
 
 
 def _origin(before: Record, after: Record) -> Table:
     def parameters(record: Record) -> str:
-        return ", ".join(f"{name} {value}" for name, value in record.detector["parameters"].items()) or "–"
+        return ", ".join(f"{name} {value}" for name, value in record.detector.parameters.items()) or "–"
 
-    rows = [
-        ("detector", before.detector["name"], after.detector["name"]),
-        ("stretch", str(before.detector["stretch"]), str(after.detector["stretch"])),
+    rows: list[tuple[str, str | int | None, str | int]] = [
+        ("detector", before.detector.name, after.detector.name),
+        ("stretch", str(before.detector.stretch), str(after.detector.stretch)),
         ("parameters", parameters(before), parameters(after)),
         ("seed of the noise", before.seed, after.seed),
         ("renderer", before.renderer, after.renderer),
@@ -92,10 +83,8 @@ def _origin(before: Record, after: Record) -> Table:
     return Table(("", "before", "after"), rows)
 
 
-def _recall(result: FrameResult) -> float | None:
-    if not result.markers:
-        return None
-    return sum(marker.xy is not None for marker in result.markers.values()) / len(result.markers)
+def _recall(result: ScoredFrame) -> float | None:
+    return result.found / len(result.markers) if result.markers else None
 
 
 # --- figures ------------------------------------------------------------------------------------------------------
@@ -109,18 +98,13 @@ def _changes_figure(changes: tuple[Change, ...]) -> Any:
         draw_change(ax, row, change)
     ax.axvspan(-1, 1, color="#57606a", alpha=0.12, linewidth=0)
     ax.axvline(0, color="black", linewidth=0.8)
-    ax.set(
-        yticks=range(len(known)),
-        yticklabels=[c.metric.key for c in known],
-        ylim=(len(known) - 0.5, -0.5),
-        xlim=(-6, 6),
-        xlabel="change / tolerance, at most ±6 shown",
-    )
+    ax.set(yticks=range(len(known)), yticklabels=[c.metric.key for c in known], ylim=(len(known) - 0.5, -0.5))
+    ax.set(xlim=(-6, 6), xlabel="change / tolerance, at most ±6 shown")
     return figure
 
 
 def draw_change(ax: Any, row: int, change: Change) -> None:
-    """Draw a change and its interval in tolerances, cut at the frame's border."""
+    """Draw a change and its interval in tolerances, cut at the figure's border."""
     colour, unit = _COLOURS.get(change.verdict, _SAME_COLOUR), change.metric.tolerance
     if change.interval is not None:
         ax.plot(np.clip(np.divide(change.interval, unit), -6, 6), [row, row], color=colour, linewidth=2)
@@ -128,14 +112,12 @@ def draw_change(ax: Any, row: int, change: Change) -> None:
     ax.plot(np.clip(change.change / unit, -5.9, 5.9), row, "o", color=colour)
 
 
-def _course_figure(frames: list[int], before: list[float | None], after: list[float | None]) -> Any:
+def _recall_figure(frames: list[int], before: list[float | None], after: list[float | None]) -> Any:
     figure, ax = plots.new_figure(8, 2.8)
-    for values, label, colour, width in (
-        (before, "before", plots.CLUTTER_COLOUR, 3),
-        (after, "after", plots.MARKER_COLOUR, 1.2),
-    ):
-        shares = np.array([np.nan if share is None else share for share in values])
-        ax.plot(frames, shares, label=label, color=colour, linewidth=width, marker="o", markersize=3)
+    old = {"label": "before", "color": plots.CLUTTER_COLOUR, "linewidth": 3}
+    new = {"label": "after", "color": plots.MARKER_COLOUR, "linewidth": 1.2}
+    for values, style in ((before, old), (after, new)):
+        ax.plot(frames, np.array(values, dtype=np.float64), marker="o", markersize=3, **style)
     ax.set(xlabel="frame", ylabel="share of markers found", ylim=(-0.05, 1.05))
     ax.legend(frameon=False)
     return figure
@@ -144,50 +126,39 @@ def _course_figure(frames: list[int], before: list[float | None], after: list[fl
 # --- before and after -----------------------------------------------------------------------------------------
 
 
-def _pair(comparison: Comparison, pictures: Path, frame: int) -> Iterator[Picture]:
+def _pair(comparison: Comparison, images: Path, frame: int) -> Iterator[CaptionedImage]:
     """Yield a frame with the baseline's detections and with the run's."""
-    file = pictures / PICTURE.format(frame)
+    file = images / IMAGE_NAME.format(frame)
     if not file.is_file():
         return
-
     image = np.asarray(Image.open(file).convert("L"))
     records = (comparison.before, comparison.after)
     results = [next(r for r in record.results if r.frame == frame) for record in records]
     same = results[0].picture == results[1].picture
-    note = "" if same else " (on the run's picture; the baseline's had other pixels)"
+    note = "" if same else " (on the run's image; the baseline's had other pixels)"
     for result, when in zip(results, (f"before{note}", "after"), strict=True):
         drawn = draw_result(image, result)
         caption = f"Frame {frame}, {when}: {summary(result)}"
-        yield Picture(jpeg_uri(drawn, _SHOWN_PX), caption, drawn.shape[1], drawn.shape[0])
+        yield CaptionedImage(jpeg_uri(drawn, _SHOWN_PX), caption, drawn.shape[1], drawn.shape[0])
 
 
-def summary(result: FrameResult) -> str:
+def summary(result: ScoredFrame) -> str:
     """Return a frame's result in words."""
     if result.failure is not None:
         return f"no answer ({result.failure})"
-    found = sum(marker.xy is not None for marker in result.markers.values())
     false = "" if result.false_xy is None else f", {len(result.false_xy)} false"
-    return f"{found} of {len(result.markers)} markers found{false}, {result.features} features"
+    return f"{result.found} of {len(result.markers)} markers found{false}, {result.features} features"
 
 
-def draw_result(image: NDArray[np.uint8], result: FrameResult) -> NDArray[np.uint8]:
+def draw_result(image: NDArray[np.uint8], result: ScoredFrame) -> NDArray[np.uint8]:
     """Return an RGB copy with found markers in green, missed ones crossed in red, false detections in orange."""
-    canvas = np.ascontiguousarray(rgb(image))
+    canvas = rgb_copy(image)
     for marker in result.markers.values():
         size = max(6, round(marker.side_px * 0.75))
         if marker.xy is None:
-            cv2.drawMarker(canvas, _at(marker.true_xy), MISSED, cv2.MARKER_TILTED_CROSS, 2 * size, 2, cv2.LINE_AA)
+            draw_cross(canvas, marker.true_xy, 2 * size, MISSED, 2)
         else:
-            cv2.circle(canvas, _at(marker.xy), size, FOUND, 2, cv2.LINE_AA)
+            draw_circle(canvas, marker.xy, size, FOUND, 2)
     for xy in result.false_xy or ():
-        cv2.circle(canvas, _at(xy), 10, FALSE, 2, cv2.LINE_AA)
+        draw_circle(canvas, xy, 10, FALSE, 2)
     return canvas
-
-
-def _at(xy: tuple[float, float]) -> tuple[int, int]:
-    return round(xy[0]), round(xy[1])
-
-
-def colour_of(change: Change) -> str:
-    """Return rich's colour for a change."""
-    return "red" if change.verdict in FAULTS else "green" if change.verdict == "better" else "default"

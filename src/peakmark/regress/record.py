@@ -1,13 +1,15 @@
-"""Records of runs: run.json of a run, and the same content accepted as a baseline; one line a frame, so diffs read."""
+"""Records of runs: a run's run.json, or the same as a baseline; one line a frame, so that diffs are readable."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from peakmark.errors import InputError
-from peakmark.regress.frame import FrameResult, from_plain
-from peakmark.regress.metrics import metrics_of, resample_counts
+from peakmark.regress.detector import DetectorSettings
+from peakmark.regress.frame import ScoredFrame, from_plain
+from peakmark.regress.metrics import metrics_of
+from peakmark.score.statistics import resample_counts
 
 FORMAT = "peakmark-regress-1"
 
@@ -19,9 +21,9 @@ class Record:
     suite: str
     """The suite's name."""
     suite_sha256: str
-    """Of what decides the frames."""
-    detector: dict[str, Any]
-    """Name, stretch and parameters."""
+    """Hash of what decides the frames."""
+    detector: DetectorSettings
+    """What was tested; its time limit is not kept."""
     seed: int
     """Of the sensor noise."""
     renderer: str
@@ -30,7 +32,7 @@ class Record:
     """Package → version."""
     tolerances: dict[str, float]
     """The suite's, by metric."""
-    results: tuple[FrameResult, ...]
+    results: tuple[ScoredFrame, ...]
     """One a frame, by index."""
 
 
@@ -49,10 +51,11 @@ def to_text(record: Record) -> str:
         }
         for m in metrics
     }
-    head = {"format": FORMAT, **{name: getattr(record, name) for name in _HEAD}}
+    detector = {name: value for name, value in asdict(record.detector).items() if name != "time_limit_s"}
+    head = {"format": FORMAT, **{name: getattr(record, name) for name in _HEAD}, "detector": detector}
     lines = [f"{_json(name)}: {_json(value)}" for name, value in head.items()]
     lines.append('"metrics": {\n' + ",\n".join(f"{_json(k)}: {_json(v)}" for k, v in figures.items()) + "\n}")
-    lines.append('"frames": [\n' + ",\n".join(_json(result.to_plain()) for result in record.results) + "\n]")
+    lines.append('"frames": [\n' + ",\n".join(_json(asdict(result)) for result in record.results) + "\n]")
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
@@ -77,23 +80,24 @@ def from_text(text: str, name: str) -> Record:
     """
     try:
         values = json.loads(text)
-        if values["format"] != FORMAT:
-            raise InputError(f"{name}: expected a record of version {FORMAT!r}, got {values['format']!r}")
-        results = tuple(from_plain(plain) for plain in values["frames"])
-        tolerances = {str(key): float(value) for key, value in values["tolerances"].items()}
-        head = {field: values[field] for field in _HEAD if field != "tolerances"}
-        return _checked(Record(**head, tolerances=tolerances, results=results))
+        version = values["format"]
+        if version == FORMAT:
+            return _record_of(values)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(f"{name}: expected the record of a run: {error!r:.80}") from error
+    raise InputError(f"{name}: expected a record of version {FORMAT!r}, got {version!r}")
 
 
-def _checked(record: Record) -> Record:
-    """Return a record whose reports can be written; frames are scored when they are compared."""
-    if not record.results or not {"name", "stretch", "parameters"} <= record.detector.keys():
+def _record_of(values: dict[str, Any]) -> Record:
+    """Return a record whose reports can be written."""
+    fields = {name: values[name] for name in _HEAD}
+    detector = fields["detector"]
+    if not values["frames"] or not {"name", "stretch", "parameters"} <= detector.keys():
         raise ValueError("expected frames, and a detector with name, stretch and parameters")
-    record.detector["parameters"].items(), record.versions.items(), metrics_of(record.results, record.tolerances)
+    fields["detector"] = DetectorSettings(**{**detector, "parameters": dict(detector["parameters"])})
+    fields["tolerances"] = {str(key): float(value) for key, value in fields["tolerances"].items()}
+    record = Record(**fields, results=tuple(from_plain(plain) for plain in values["frames"]))
+    record.versions.items(), metrics_of(record.results, record.tolerances)  # raise where they are of another form
     return record
 
 

@@ -1,4 +1,4 @@
-"""Suites: which frames a detector is put to, and what counts; scenes/README.md is the manual."""
+"""Suites: on which frames a detector is tested, and what counts; scenes/README.md is the manual."""
 
 from dataclasses import dataclass
 from hashlib import sha256
@@ -10,14 +10,14 @@ from peaksim import shipped
 from peaksim.corpus.layout import CONFIGURATION
 from peaksim.corpus.read import open_corpus
 from peaksim.corpus.spec import CorpusSpec
-from peaksim.scene.schema import Name, NotNegative, Positive, Table
+from peaksim.scene.schema import Name, NotNegative, Positive, StrictTable
 from peaksim.toml_file import parse_toml, validate
 from pydantic import Field
 
-from peakmark.regress.detector import FinderSettings
+from peakmark.regress.detector import DetectorSettings
 
 
-class DetectorTable(Table):
+class DetectorTable(StrictTable):
     """`[detector]`: what is tested unless the command says otherwise."""
 
     name: str = "markers"
@@ -25,7 +25,7 @@ class DetectorTable(Table):
     parameters: dict[str, float | int | bool | str] = Field(default_factory=dict)
 
 
-class SuiteTable(Table):
+class SuiteTable(StrictTable):
     """The whole file."""
 
     name: Name
@@ -51,18 +51,18 @@ class Suite:
 
     @property
     def sha256(self) -> str:
-        """Of what decides which frames there are and what counts in them; not of the detector or the tolerances."""
+        """Hash of what decides which frames there are and what counts in them; not of the detector or tolerances."""
         deciding = self.table.model_dump_json(exclude={"detector", "tolerances", "quick_frames"})
         return sha256(deciding.encode()).hexdigest()
 
-    def finder(self, **changes: Any) -> FinderSettings:
+    def detector(self, **changes: Any) -> DetectorSettings:
         """Return the suite's detector with the changes that are not None."""
         given = {name: value for name, value in changes.items() if value is not None}
         parameters = {**self.table.detector.parameters, **given.pop("parameters", {})}
         if given.get("name", self.table.detector.name) != self.table.detector.name:
             parameters = dict(changes.get("parameters") or {})  # the suite's own are for its own detector
         stated = {"name": self.table.detector.name, "stretch": self.table.detector.stretch}
-        return FinderSettings(**{**stated, **given, "parameters": parameters})
+        return DetectorSettings(**{**stated, **given, "parameters": parameters})
 
     def frames(self, quick: bool) -> tuple[int, ...]:
         """Return the indices of the frames: all, or for a quick run some in even steps."""

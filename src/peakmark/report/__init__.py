@@ -1,1 +1,1 @@
-"""What people look at: figures, overlays, films, pages, and the folders that hold them."""
+"""Results for people: figures, overlays, films, pages, and the folders that hold them."""

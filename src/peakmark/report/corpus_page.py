@@ -1,4 +1,4 @@
-"""A corpus to look at: pictures with their markers drawn in, a page of them, and a recording for Rerun."""
+"""A corpus to look at: images with their markers drawn in, a page of them, and a recording for Rerun."""
 
 import webbrowser
 from collections.abc import Sequence
@@ -13,18 +13,18 @@ from peaksim.corpus.sample import Record
 from PIL import Image
 
 from peakmark.errors import InputError
-from peakmark.report.overlay import rgb
+from peakmark.report.overlay import draw_circle, draw_outline, rgb_copy
 from peakmark.report.page import Section, Table, jpeg_uri, write_report
 from peakmark.report.results import result_folder
 
-_SHOWN = 12  # frames, unless some are asked for
+_SHOWN = 12  # frames, unless some are named
 
 _COLOURS = ((150, 150, 150), (255, 140, 0), (60, 220, 60))
-"""RGB of points outside the picture, covered, and seen."""
+"""RGB of points outside the image, covered, and seen."""
 
 
 def show_frames(dest: str, frames: Sequence[int] | None, out: Path) -> Path:
-    """Write a picture of each frame and index.html; return the page.
+    """Write an image of each frame and index.html; return the page.
 
     Raises
     ------
@@ -36,9 +36,9 @@ def show_frames(dest: str, frames: Sequence[int] | None, out: Path) -> Path:
     with result_folder(out) as folder:
         for frame in _chosen(corpus, frames):
             record = corpus.record(frame)
-            picture = draw_truth(corpus.picture(frame), record)
-            _save(folder / f"{frame:08d}.png", picture)
-            sections.append(_section(frame, record, picture))
+            image = draw_truth(corpus.picture(frame), record)
+            Image.fromarray(image).save(folder / f"{frame:08d}.png")
+            sections.append(_section(frame, record, image))
         spec = corpus.configuration.spec
         lead = f"{len(corpus)} frames, seed {spec.seed}, renderer {corpus.configuration.renderer}."
         write_report(folder / "index.html", f"Corpus {spec.name}", lead, sections)
@@ -46,47 +46,38 @@ def show_frames(dest: str, frames: Sequence[int] | None, out: Path) -> Path:
 
 
 def _chosen(corpus: Corpus, frames: Sequence[int] | None) -> list[int]:
-    """Return the frames asked for, or some in even steps."""
+    """Return the frames that were named, or some in even steps."""
     steps = np.linspace(0, len(corpus) - 1, min(_SHOWN, len(corpus)))
     return list(frames) if frames is not None else [round(float(step)) for step in steps]
-
-
-def _save(path: Path, picture: NDArray[np.uint8]) -> None:
-    Image.fromarray(picture).save(path)
 
 
 def draw_truth(image: NDArray[np.uint8], record: Record) -> NDArray[np.uint8]:
     """Return an RGB copy, enlarged where small, with each marker's outline, points and name."""
     scale = max(1, round(900 / image.shape[1]))
-    canvas = np.ascontiguousarray(rgb(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)))  # type: ignore[arg-type]
+    canvas = rgb_copy(image).repeat(scale, axis=0).repeat(scale, axis=1)
     for marker in record["markers"]:
         points = np.array([xy if None not in xy else (np.nan, np.nan) for xy in marker["points_xy"]], dtype=np.float64)
         points = (points + 0.5) * scale - 0.5
         colour = _COLOURS[2] if marker["visible_fraction"] > 0 else _COLOURS[1]
         if np.isfinite(points).all():
-            outline = np.round(points[1:] * 16).astype(np.int32)
-            cv2.polylines(canvas, [outline], isClosed=True, color=colour, thickness=1, lineType=cv2.LINE_AA, shift=4)
+            draw_outline(canvas, points[1:], colour, 1)
         for xy, state in zip(points, marker["points_seen"], strict=True):
             if state:
-                cv2.circle(canvas, _fixed(xy), 3 * 16, _COLOURS[state], -1, cv2.LINE_AA, 4)
+                draw_circle(canvas, xy, 3, _COLOURS[state], -1)
         if marker["points_seen"][0]:
-            place = (int(points[0, 0]) + 6, int(points[0, 1]))
-            cv2.putText(canvas, marker["name"], place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 0), 1, cv2.LINE_AA)
+            start = (int(points[0, 0]) + 6, int(points[0, 1]))
+            cv2.putText(canvas, marker["name"], start, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 0), 1, cv2.LINE_AA)
     return canvas
 
 
-def _fixed(xy: NDArray[np.float64]) -> tuple[int, int]:
-    return round(float(xy[0]) * 16), round(float(xy[1]) * 16)
-
-
-def _section(frame: int, record: Record, picture: NDArray[np.uint8]) -> Section:
+def _section(frame: int, record: Record, image: NDArray[np.uint8]) -> Section:
     head = ("marker", "kind", "side (px)", "distance (m)", "tilt (°)", "visible")
     rows = [
         (m["name"], m["kind"], m["side_px"], m["distance_m"], m["tilt_deg"], m["visible_fraction"])
         for m in record["markers"]
     ]
     caption = f"Camera {record['camera']['name']}, scene {record['scene']}, view {record['view']}."
-    return Section(f"Frame {frame}", table=Table(head, rows), image=jpeg_uri(picture), caption=caption)
+    return Section(f"Frame {frame}", table=Table(head, rows), image=jpeg_uri(image), caption=caption)
 
 
 def open_page(page: Path) -> None:
@@ -105,7 +96,7 @@ def open_page(page: Path) -> None:
 
 
 def save_recording(dest: str, frames: Sequence[int] | None, path: Path) -> None:
-    """Write a Rerun recording (.rrd): cameras and marker points in the world, pictures and points in the camera.
+    """Write a Rerun recording (.rrd): cameras and marker points in the world, images and points in the camera.
 
     Raises
     ------
@@ -129,7 +120,7 @@ def save_recording(dest: str, frames: Sequence[int] | None, path: Path) -> None:
     recording.flush()
 
 
-def _log_frame(rr: Any, recording: Any, record: Record, picture: NDArray[np.uint8]) -> None:
+def _log_frame(rr: Any, recording: Any, record: Record, image: NDArray[np.uint8]) -> None:
     camera, pose = record["camera"], np.array(record["world_from_camera"])
     matrix = [[camera["fx"], 0, camera["cx"] + 0.5], [0, camera["fy"], camera["cy"] + 0.5], [0, 0, 1]]
     points = [
@@ -142,7 +133,7 @@ def _log_frame(rr: Any, recording: Any, record: Record, picture: NDArray[np.uint
     recording.log("world/camera", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
     pinhole = rr.Pinhole(image_from_camera=matrix, width=camera["width"], height=camera["height"])
     recording.log("world/camera/picture", pinhole)
-    recording.log("world/camera/picture", rr.Image(picture))
+    recording.log("world/camera/picture", rr.Image(image))
     recording.log(
         "world/camera/picture/points",
         rr.Points2D(np.array([p[1] for p in shown]).reshape(-1, 2) + 0.5, labels=[p[3] for p in shown], radii=2),

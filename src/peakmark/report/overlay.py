@@ -1,4 +1,4 @@
-"""Drawings on the frame: the paper's Figure 10, also for films."""
+"""Drawings on the frame: detections (the paper's Figure 10), arrays (Figures 13 and 15) and key points."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,59 +8,149 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth
 
+from peakmark.arrays.decode import MarkerArray
 from peakmark.identification.detection import Detection
+from peakmark.keypoints.image import as_gray
+from peakmark.keypoints.keypoints import Keypoints
 from peakmark.score.markers import Score
 
-FOUND = (60, 220, 60)
-FALSE = (255, 140, 0)
-MISSED = (255, 40, 40)
+Canvas = NDArray[np.uint8]
+Point = Sequence[float] | NDArray[Any]
+Colour = tuple[int, int, int]
+
+FOUND: Colour = (60, 220, 60)
+FALSE: Colour = (255, 140, 0)
+MISSED: Colour = (255, 40, 40)
 """RGB of found markers, false detections and missed markers."""
+
+DARK, LIGHT, OTHER = (64, 160, 255), (255, 196, 0), (0, 230, 120)
+"""RGB of key points with a dark centre (Laplacian +1), a light one (−1), and others."""
 
 
 def draw_overlay(
     image: NDArray[np.uint8], truth: Sequence[MarkerTruth], detections: Sequence[Detection], score: Score
-) -> NDArray[np.uint8]:
+) -> Canvas:
     """Return an RGB copy of the image with each detection's outline and rank, and a cross on each missed marker."""
-    canvas = np.ascontiguousarray(rgb(image))
-    line = max(1, round(image.shape[1] / 1000))
+    canvas, line = rgb_copy(image), _line_px(image)
     matched = set(score.matches.values())
     for detection in detections:
         colour = FOUND if detection.id in matched else FALSE
-        circle(canvas, detection.xy, detection.size * 0.75, colour, line)
-        label(canvas, str(detection.rank), detection.xy + np.array([detection.size * 0.8, 0]), colour, line)
+        draw_circle(canvas, detection.xy, detection.size * 0.75, colour, 2 * line)
+        draw_label(canvas, str(detection.rank), detection.xy + np.array([detection.size * 0.8, 0]), colour, line)
     for marker in truth:
         if marker.name in score.missed:
-            cv2.drawMarker(
-                canvas,
-                point(marker.center_xy, 0),
-                MISSED,
-                cv2.MARKER_TILTED_CROSS,
-                round(max(12, marker.side_px)),
-                2 * line,
-                cv2.LINE_AA,
-            )
+            draw_cross(canvas, marker.center_xy, max(12, marker.side_px), MISSED, 2 * line)
     return canvas
 
 
-def rgb(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a grey or RGB image as (H, W, 3)."""
-    return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image
+def draw_arrays(
+    image: NDArray[np.uint8], detections: Sequence[Detection], arrays: Sequence[MarkerArray], missed_xy: Sequence[Point]
+) -> Canvas:
+    """Return an RGB copy with a cross on each marker and missed position, and each array's outline and number."""
+    canvas, line = rgb_copy(image), _line_px(image)
+    for detection in detections:
+        draw_cross(canvas, detection.xy, 14 * line, FOUND, 2 * line, cv2.MARKER_CROSS)
+    for array in arrays:
+        colour, corners = FALSE if array.code is None else FOUND, outline_px(array)
+        draw_outline(canvas, corners, colour, 2 * line)
+        draw_label(canvas, "?" if array.code is None else str(array.code), corners[1], colour, line, 2.5)
+    for xy in missed_xy:
+        draw_cross(canvas, xy, 24 * line, MISSED, 2 * line)
+    return canvas
 
 
-def circle(canvas: NDArray[np.uint8], xy: NDArray[np.float64], radius: float, colour: Any, line: int) -> None:
-    """Draw a circle in place; centre and radius to a sixteenth of a px."""
-    cv2.circle(canvas, point(xy, 4), round(radius * 16), colour, 2 * line, cv2.LINE_AA, shift=4)
+def draw_keypoints(image: NDArray[Any], keypoints: Keypoints, strongest: int = 2000) -> Canvas:
+    """Return the grey image as RGB with each key point's circle, of half its size, and orientation.
+
+    Parameters
+    ----------
+    image : as in `as_gray`.
+    keypoints : in px of that image; an angle below 0 draws no line.
+    strongest : draw only the first so many.
+    """
+    canvas = rgb_copy(as_gray(image))
+    shown = keypoints[:strongest]
+    angles = np.deg2rad(shown.angle)
+    tips = shown.xy + shown.size[:, None] / 2 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for k in reversed(range(len(shown))):
+        colour = {1: DARK, -1: LIGHT}.get(int(shown.laplacian[k]), OTHER)
+        draw_circle(canvas, shown.xy[k], float(shown.size[k]) / 2, colour, 1)
+        if shown.angle[k] >= 0:
+            cv2.line(canvas, _fixed(shown.xy[k]), _fixed(tips[k]), colour, 1, cv2.LINE_AA, shift=_BITS)
+    return canvas
 
 
-def label(
-    canvas: NDArray[np.uint8], text: str, xy: NDArray[np.float64], colour: Any, line: int, scale: float = 1.0
+# --- what an array covers -----------------------------------------------------------------------------------------
+
+
+def outline_px(array: MarkerArray) -> NDArray[np.float64]:
+    """Return (4, 2) corners around an array's markers, px; from the blank corner clockwise where it has a code."""
+    if array.code is None:
+        reach = 1.2 * np.mean([d.size for d in array.detections])
+        xy = np.array([d.xy for d in array.detections])
+        (x0, y0), (x1, y1) = xy.min(axis=0) - reach, xy.max(axis=0) + reach
+        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    layout, steps = array.layout, array.steps_px
+    cells = np.array(layout.cells, dtype=np.float64)
+    origin = array.xy - cells.mean(axis=0) @ steps.T
+    low, high = np.array([-0.5, -0.5]), np.array([layout.columns, layout.rows]) - 0.5
+    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    return np.asarray(origin + corners @ steps.T)
+
+
+def box_around(xy: NDArray[np.float64], margin_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return left, top, right and bottom of the part around (n, 2) points of an image of (width, height).
+
+    Right and bottom are exclusive; the part has at least one pixel.
+    """
+    low = np.clip(np.floor(xy.min(axis=0) - margin_px), 0, np.array(size) - 1)
+    high = np.clip(np.ceil(xy.max(axis=0) + margin_px), low + 1, size)
+    return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+
+
+# --- strokes, drawn in place; points are px with centres at integers ----------------------------------------------
+
+_BITS = 4  # OpenCV's fractional bits: positions and radii to a sixteenth of a px
+
+
+def rgb_copy(image: NDArray[np.uint8]) -> Canvas:
+    """Return a (H, W, 3) copy of a grey or RGB image to draw on."""
+    return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else np.array(image, order="C")
+
+
+def draw_circle(canvas: Canvas, xy: Point, radius: float, colour: Colour, thickness: int) -> None:
+    """Draw a circle, filled where the thickness is −1."""
+    cv2.circle(canvas, _fixed(xy), round(radius * 2**_BITS), colour, thickness, cv2.LINE_AA, _BITS)
+
+
+def draw_outline(canvas: Canvas, corners: Sequence[Point] | NDArray[Any], colour: Colour, thickness: int) -> None:
+    """Draw a closed polygon."""
+    fixed = np.array([_fixed(xy) for xy in corners], dtype=np.int32)
+    cv2.polylines(canvas, [fixed], True, colour, thickness, cv2.LINE_AA, _BITS)
+
+
+def draw_cross(
+    canvas: Canvas, xy: Point, size: float, colour: Colour, thickness: int, kind: int = cv2.MARKER_TILTED_CROSS
 ) -> None:
-    """Write text with a dark rim, so that it reads on any floor."""
+    """Draw a cross at the nearest pixel."""
+    cv2.drawMarker(canvas, _nearest(xy), colour, kind, round(size), thickness, cv2.LINE_AA)
+
+
+def draw_label(canvas: Canvas, text: str, xy: Point, colour: Colour, line: int, scale: float = 1.0) -> None:
+    """Write text with a dark rim, so that it can be read on any floor."""
     size = 0.55 * scale * max(1.0, canvas.shape[1] / 1300)
     for ink, width in (((0, 0, 0), 4 * line), (colour, 2 * line)):
-        cv2.putText(canvas, text, point(xy, 0), cv2.FONT_HERSHEY_SIMPLEX, size, ink, width, cv2.LINE_AA)
+        cv2.putText(canvas, text, _nearest(xy), cv2.FONT_HERSHEY_SIMPLEX, size, ink, width, cv2.LINE_AA)
 
 
-def point(xy: NDArray[np.float64], shift: int) -> tuple[int, int]:
-    """Return OpenCV's integer coordinates with `shift` fractional bits."""
-    return round(float(xy[0]) * 2**shift), round(float(xy[1]) * 2**shift)
+def _line_px(image: NDArray[np.uint8]) -> int:
+    """Return half the thickness of strokes, so that they show when a page scales the image down."""
+    return int(max(1, round(image.shape[1] / 1000)))
+
+
+def _fixed(xy: Point) -> tuple[int, int]:
+    return round(float(xy[0]) * 2**_BITS), round(float(xy[1]) * 2**_BITS)
+
+
+def _nearest(xy: Point) -> tuple[int, int]:
+    return round(float(xy[0])), round(float(xy[1]))

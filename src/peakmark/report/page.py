@@ -1,4 +1,4 @@
-"""One self-contained HTML page: tables, figures and pictures, without a network or a script."""
+"""One self-contained HTML page: tables, figures and images, without a network or a script."""
 
 import base64
 from collections.abc import Sequence
@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from peakmark.report.plots import save
 
 
 @dataclass(frozen=True)
@@ -35,21 +37,21 @@ class Section:
     caption: str = ""
     links: Sequence[str] = field(default_factory=tuple)
     """Names of files beside the page."""
-    pictures: Sequence["Picture"] = field(default_factory=tuple)
+    images: Sequence["CaptionedImage"] = field(default_factory=tuple)
     """Side by side where there is room."""
     data: Table | None = None
     """What a figure was drawn from, folded away."""
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A picture with words under it."""
+class CaptionedImage:
+    """An image with words under it."""
 
     uri: str
     """A data URI from `jpeg_uri`."""
     caption: str
     width: int
-    """Of the picture, px: the page reserves its room."""
+    """Of the image, px: the page reserves room for it."""
     height: int
 
 
@@ -73,12 +75,9 @@ def cell(value: str | int | float | None) -> str:
 
 
 def svg_uri(figure: Any) -> str:
-    """Return a matplotlib figure as a data URI of an SVG picture."""
-    import matplotlib
-
+    """Return a matplotlib figure as a data URI of an SVG image."""
     buffer = BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
-        figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
+    save(figure, buffer, "svg")
     return _uri("image/svg+xml", buffer.getvalue())
 
 
@@ -87,12 +86,12 @@ def svg_file_uri(path: Path) -> str:
     return _uri("image/svg+xml", path.read_bytes())
 
 
-def jpeg_uri(picture: NDArray[np.uint8], width_px: int = 1400) -> str:
-    """Return an RGB picture, scaled down to `width_px` if wider, as a data URI of a JPEG."""
-    image = Image.fromarray(picture)
-    image.thumbnail((width_px, width_px))
+def jpeg_uri(image: NDArray[np.uint8], width_px: int = 1400) -> str:
+    """Return an RGB image, scaled down to `width_px` if wider, as a data URI of a JPEG."""
+    small = Image.fromarray(image)
+    small.thumbnail((width_px, width_px))
     buffer = BytesIO()
-    image.save(buffer, "JPEG", quality=88)
+    small.save(buffer, "JPEG", quality=88)
     return _uri("image/jpeg", buffer.getvalue())
 
 

@@ -1,5 +1,6 @@
 """Figures: each function draws into the given matplotlib `ax` and returns nothing."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 MARKER_COLOUR = "#1a7f37"
 CLUTTER_COLOUR = "#8c959f"
 LIGHT_COLOUR, DARK_COLOUR = "#ffd640", "#60beff"
+_RANK, _RESPONSE = "rank of the feature by response", "response (determinant of the Hessian)"
 
 
 def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]:
@@ -22,15 +24,13 @@ def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]
     return figure, figure.subplots()
 
 
-def save(figure: Any, path: Path) -> None:
-    """Write a figure as PNG or SVG; the bytes depend on the figure alone."""
-    if path.suffix == ".svg":
-        import matplotlib
+def save(figure: Any, target: Path | BytesIO, kind: str | None = None) -> None:
+    """Write a figure as "png" or "svg", by a path's ending unless given; the bytes depend on the figure alone."""
+    import matplotlib
 
-        with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
-            figure.savefig(path, dpi=150, metadata={"Date": None})
-    else:
-        figure.savefig(path, dpi=150, metadata={"Software": None})
+    kind = target.suffix[1:] if kind is None and isinstance(target, Path) else kind
+    with matplotlib.rc_context({"svg.hashsalt": "peakmark"}):
+        figure.savefig(target, format=kind, dpi=150, metadata={"Date" if kind == "svg" else "Software": None})
 
 
 def response_ranking(ax: Any, responses: NDArray[np.float32], is_marker: NDArray[np.bool_], most: int = 60) -> None:
@@ -38,12 +38,7 @@ def response_ranking(ax: Any, responses: NDArray[np.float32], is_marker: NDArray
     count = min(most, len(responses))
     colours = np.where(is_marker[:count], MARKER_COLOUR, CLUTTER_COLOUR)
     ax.bar(np.arange(1, count + 1), responses[:count], width=0.8, color=list(colours))
-    ax.set(
-        xlabel="rank of the feature by response",
-        ylabel="response (determinant of the Hessian)",
-        title="SURF responses in descending order",
-        xlim=(0, count + 1),
-    )
+    ax.set(title="SURF responses in descending order", xlabel=_RANK, ylabel=_RESPONSE, xlim=(0, count + 1))
     _legend(ax)
 
 
@@ -54,43 +49,33 @@ def signature_ranking(ax: Any, distances: NDArray[np.float32], is_marker: NDArra
     ax.scatter(rank[other], distances[other], s=3, color=CLUTTER_COLOUR, alpha=0.5, linewidths=0, rasterized=True)
     ax.scatter(rank[is_marker], distances[is_marker], s=28, color=MARKER_COLOUR, marker="D", zorder=3)
     ax.axhline(limit, color="black", linewidth=0.8, linestyle="--")
-    place = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
-    ax.text(0.99, limit + 0.01, f"limit {limit:g}", fontsize=8, **place)
-    ax.set(
-        xscale="log",
-        xlabel="rank of the feature by response",
-        ylabel="distance from the ideal signature",
-        title="Signature distances",
-        ylim=(0, None),
-    )
+    corner = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
+    ax.text(0.99, limit + 0.01, f"limit {limit:g}", fontsize=8, **corner)
+    ax.set(title="Signature distances", xlabel=_RANK, ylabel="distance from the ideal signature")
+    ax.set(xscale="log", ylim=(0, None))
     _legend(ax)
 
 
 def _legend(ax: Any) -> None:
     from matplotlib.patches import Patch
 
-    ax.legend(
-        handles=[
-            Patch(color=MARKER_COLOUR, label="at a marker's centre"),
-            Patch(color=CLUTTER_COLOUR, label="clutter"),
-        ],
-        frameon=False,
-    )
+    kinds = (("at a marker's centre", MARKER_COLOUR), ("clutter", CLUTTER_COLOUR))
+    ax.legend(handles=[Patch(color=colour, label=kind) for kind, colour in kinds], frameon=False)
 
 
-def course(ax: Any, x: NDArray[np.float64], y: NDArray[np.float64], label: str, unit: str) -> None:
+def figure_over_time(ax: Any, x: NDArray[np.float64], y: NDArray[np.float64], label: str, unit: str) -> None:
     """Draw one figure of a flight over its frames."""
     ax.plot(x, y, color=MARKER_COLOUR, linewidth=1.2, marker="o", markersize=3)
     ax.set(xlabel="time (s)", ylabel=f"{label} ({unit})" if unit else label)
     ax.grid(alpha=0.3)
 
 
-def top_view(ax: Any, markers_m: NDArray[np.float64], ways_m: dict[str, NDArray[np.float64]]) -> None:
-    """Draw a floor from above: (n, 2) markers and named (k, 2) ways, metres; nan leaves a gap."""
+def top_view(ax: Any, markers_m: NDArray[np.float64], paths_m: dict[str, NDArray[np.float64]]) -> None:
+    """Draw a floor from above: (n, 2) markers and named (k, 2) paths, metres; nan leaves a gap."""
     styles = [("black", "-", 2.5), (MARKER_COLOUR, "-", 1.2), ("#0969da", "--", 1.2), ("#bc4c00", ":", 1.2)]
     ax.scatter(*markers_m.T, s=14, marker="s", color=CLUTTER_COLOUR, label="markers")
-    for (name, way), (colour, line, width) in zip(ways_m.items(), styles, strict=False):
-        ax.plot(*way.T, color=colour, linestyle=line, linewidth=width, label=name)
+    for (name, path), (colour, line, width) in zip(paths_m.items(), styles, strict=False):
+        ax.plot(*path.T, color=colour, linestyle=line, linewidth=width, label=name)
     ax.set(xlabel="x (m)", ylabel="y (m)")
     ax.set_aspect("equal", adjustable="datalim")
     ax.grid(alpha=0.3)
@@ -101,14 +86,8 @@ def roc(ax: Any, curves: dict[str, tuple[NDArray[np.float64], NDArray[np.float64
     """Draw true over false positive rate, one named curve a classifier, with a logarithmic axis from `least`."""
     for name, (false_rate, true_rate) in curves.items():
         ax.plot(np.maximum(false_rate, least), true_rate, drawstyle="steps-post", linewidth=1.3, label=name)
-    ax.set(
-        xscale="log",
-        xlim=(least, 1),
-        ylim=(0, 1.01),
-        xlabel="false positive rate",
-        ylabel="true positive rate",
-        title="Key points told apart on held-out rooms",
-    )
+    ax.set(xlabel="false positive rate", ylabel="true positive rate", xscale="log", xlim=(least, 1), ylim=(0, 1.01))
+    ax.set(title="Classification of key points in held-out rooms")
     ax.grid(alpha=0.3)
     ax.legend(frameon=False, loc="lower right")
 
@@ -117,29 +96,13 @@ def response_over_vis(
     ax: Any, responses: NDArray[np.float32], distances: NDArray[np.float64], is_marker: NDArray[np.bool_]
 ) -> None:
     """Draw responses over distances from the version-independent signature (the paper's Figure 14)."""
-    for chosen, colour, size, name in (
-        (~is_marker, CLUTTER_COLOUR, 4, "other features"),
-        (is_marker, MARKER_COLOUR, 30, "markers"),
-    ):
-        ax.scatter(
-            distances[chosen],
-            responses[chosen],
-            s=size,
-            color=colour,
-            linewidths=0,
-            label=name,
-            marker="D" if size > 9 else "o",
-            rasterized=True,
-        )
-    top = float(responses.max(initial=1e3))
-    ax.set(
-        yscale="log",
-        ylim=(400, 2 * top),
-        xlim=(0, None),
-        xlabel="distance from the version-independent signature",
-        ylabel="response (determinant of the Hessian)",
-        title="Detector response and version-independent signature",
-    )
+    other = {"s": 4, "color": CLUTTER_COLOUR, "marker": "o", "label": "other features"}
+    marker = {"s": 30, "color": MARKER_COLOUR, "marker": "D", "label": "markers"}
+    for chosen, style in ((~is_marker, other), (is_marker, marker)):
+        ax.scatter(distances[chosen], responses[chosen], linewidths=0, rasterized=True, **style)
+    ax.set(title="Detector response and version-independent signature", ylabel=_RESPONSE)
+    ax.set(xlabel="distance from the version-independent signature", xlim=(0, None))
+    ax.set(yscale="log", ylim=(400, 2 * float(responses.max(initial=1e3))))
     ax.legend(frameon=False)
 
 
@@ -151,35 +114,20 @@ def polarities(
     sides_px: NDArray[np.float64],
     is_light: NDArray[np.bool_],
 ) -> None:
-    """Draw a part of a picture, with the paper's sign of the Laplacian above each of (n, 2) markers (Figure 15).
+    """Draw a part of an image, with the paper's sign of the Laplacian above each of (n, 2) markers (Figure 15).
 
-    `box` is left, top, right and bottom in the picture, the latter two exclusive.
+    `box` is left, top, right and bottom in the image, the latter two exclusive.
     """
     from matplotlib.patheffects import withStroke
 
     left, top, right, bottom = box
-    ax.imshow(
-        image[top:bottom, left:right],
-        cmap="gray",
-        vmin=0,
-        vmax=255,
-        extent=(left - 0.5, right - 0.5, bottom - 0.5, top - 0.5),
-    )
+    extent = (left - 0.5, right - 0.5, bottom - 0.5, top - 0.5)
+    ax.imshow(image[top:bottom, left:right], cmap="gray", vmin=0, vmax=255, extent=extent)
+    style = {"fontsize": 14, "weight": "bold", "ha": "center", "va": "bottom", "clip_on": True}
     outline = [withStroke(linewidth=2.5, foreground="black")]
     for (x, y), side, light in zip(xy, sides_px, is_light, strict=True):
         text, colour = ("+1", LIGHT_COLOUR) if light else ("−1", DARK_COLOUR)
-        ax.text(
-            x,
-            y - 0.62 * side,
-            text,
-            color=colour,
-            path_effects=outline,
-            fontsize=14,
-            weight="bold",
-            ha="center",
-            va="bottom",
-            clip_on=True,
-        )
+        ax.text(x, y - 0.62 * side, text, color=colour, path_effects=outline, **style)
     ax.set_axis_off()
 
 
@@ -190,23 +138,15 @@ def envelope_map(
     rate: NDArray[np.float64],
     is_inside: NDArray[np.bool_],
 ) -> None:
-    """Draw detection rates (t, s), a line of cells a tilt, over (s,) distances; a dot where the demand is met."""
+    """Draw (t, s) detection rates, one row of cells for each tilt, over (s,) distances; a dot where they suffice."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.ticker import LogLocator
 
     lines = np.arange(len(tilt_deg))
     colours = ScalarMappable(Normalize(0, 1.3), "Greens")
-    edges = np.exp(_cell_edges(np.log(distance_m)))
-    ax.pcolormesh(
-        edges,
-        np.arange(len(lines) + 1) - 0.5,
-        rate,
-        cmap=colours.cmap,
-        norm=colours.norm,
-        edgecolors="white",
-        linewidth=0.5,
-    )
+    edges = np.exp(_cell_edges(np.log(distance_m))), np.arange(len(lines) + 1) - 0.5
+    ax.pcolormesh(*edges, rate, cmap=colours.cmap, norm=colours.norm, edgecolors="white", linewidth=0.5)
     row, column = np.nonzero(is_inside)
     ax.scatter(distance_m[column], row, s=9, color="white")
     bar = ax.figure.colorbar(colours, ax=ax, pad=0.02, boundaries=np.linspace(0, 1, 101), ticks=np.linspace(0, 1, 6))
@@ -219,6 +159,6 @@ def envelope_map(
 
 
 def _cell_edges(middles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return n + 1 edges half-way between n middles, the outer ones as far out as the next ones are in."""
+    """Return n + 1 edges half-way between n middles; the outer two continue the spacing."""
     between = (middles[1:] + middles[:-1]) / 2
     return np.concatenate([[2 * middles[0] - between[0]], between, [2 * middles[-1] - between[-1]]])

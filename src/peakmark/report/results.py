@@ -6,12 +6,13 @@ import os
 import resource
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from peakmark.errors import InputError
+from peakmark.plain import to_plain
 
 
 @contextmanager
@@ -49,7 +50,7 @@ def _stage(target: Path) -> Path:
 
 
 def _publish(stage: Path, target: Path) -> None:
-    """Move every file to its place; `result.json` last, so that it vouches for the others."""
+    """Move every file to where it belongs; `result.json` last, so that it vouches for the others."""
     for path in sorted(stage.iterdir(), key=lambda p: (p.name == "result.json", p.name)):
         destination = target / path.name
         if path.is_dir() and destination.is_dir():
@@ -58,8 +59,9 @@ def _publish(stage: Path, target: Path) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write plain values as indented JSON; nan is refused, None is null."""
-    path.write_text(json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
+    """Write plain values, or records of them (`to_plain`), as indented JSON; nan is refused, None is null."""
+    text = json.dumps(to_plain(value), indent=2, allow_nan=False, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def peak_memory_mb() -> float:
@@ -67,9 +69,9 @@ def peak_memory_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
 
 
-def write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Write one line a frame; nested figures become columns such as localisation_px.rms."""
-    flat = [dict(_flat(row)) for row in rows]
+def write_rows(path: Path, rows: Sequence[Any]) -> None:
+    """Write a CSV line for each dictionary or record; nested figures become columns such as localisation_px.rms."""
+    flat = [dict(_flat(to_plain(row))) for row in rows]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, fieldnames=list(flat[0]))
         writer.writeheader()
@@ -82,5 +84,5 @@ def _flat(row: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
         if isinstance(value, dict):
             columns += _flat(value, f"{prefix}{name}.")
         else:
-            columns.append((prefix + name, " ".join(map(str, value)) if isinstance(value, tuple | list) else value))
+            columns.append((prefix + name, " ".join(map(str, value)) if isinstance(value, list) else value))
     return columns

@@ -1,4 +1,4 @@
-"""Arrays against truth: which are printed in a scene, which of them are in view, and whether they were read rightly."""
+"""Arrays against truth: which are printed in a scene, which are in view, and which were read correctly."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from peakmark.markers.array_code import THREE_BIT, Layout, code_of
 from peakmark.score.wanted import READABLE, polarity_of
 
 _GRID_TOLERANCE = 0.05
+"""Deviation of a mark from its cell, in cells, up to which marks form an array: only the rounding of scene files."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class PrintedArray:
     name: str
     """Of the quad that carries it."""
     code: int
-    """What it says."""
+    """The number that it encodes."""
     marks: tuple[str, ...]
     """Names of its marks in reading order."""
     side_m: float
@@ -76,12 +77,12 @@ def _on_grid(marks: Sequence[Mark], layout: Layout) -> bool:
 
 @dataclass(frozen=True)
 class ArrayScore:
-    """One picture's result."""
+    """One image's result."""
 
     in_view: tuple[str, ...]
     """Names of the arrays that must be read: every marker is `READABLE`, and the blank corner is in the image too."""
     decoded: tuple[str, ...]
-    """Those of them that were read rightly."""
+    """Those of them that were read correctly."""
     missed: tuple[str, ...]
     """Those that were not."""
     wrong: int
@@ -100,7 +101,7 @@ def score_arrays(
     world_from_camera: Pose,
     tolerance: float = 0.25,
 ) -> ArrayScore:
-    """Score one picture's readings; a marker of a reading is right within `tolerance` sides of the true centre."""
+    """Score one image's readings; a marker of a reading is correct within `tolerance` sides of the true centre."""
     records = {t.name: t for t in truth}
     right: dict[str, int] = {}
     for index, array in enumerate(arrays):

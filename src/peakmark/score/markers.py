@@ -1,8 +1,7 @@
-"""Detections against truth: which markers were found, how precisely, and how far clutter stays behind."""
+"""Detections against truth: which markers were found, how precisely, and how far clutter stays below them."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,7 @@ class Localisation:
 
 
 @dataclass(frozen=True)
-class MarkerResult:
+class MarkerScore:
     """What became of a visible marker."""
 
     name: str
@@ -52,14 +51,14 @@ class MarkerResult:
     is_polarity_right: bool | None = None
     """By the sign of the Laplacian; None if not found."""
     is_signature_right: bool | None = None
-    """Whether the signature tells the polarity, too; None if not found, or without descriptors."""
+    """Whether the signature gives the polarity, too; None if not found, or without descriptors."""
 
 
 @dataclass(frozen=True)
 class Score:
     """One frame's result."""
 
-    markers: tuple[MarkerResult, ...]
+    markers: tuple[MarkerScore, ...]
     """All visible markers."""
     false_detections: int
     """Detections that are within the tolerance of no visible marker."""
@@ -101,19 +100,43 @@ class Score:
         """Wanted markers that were found with a signature nearer to that of the other polarity."""
         return sum(marker.is_wanted and marker.is_signature_right is False for marker in self.markers)
 
-    def summary(self) -> dict[str, Any]:
-        """Return the plain values for JSON: counts and errors, no single markers."""
-        return {
-            "markers_in_view": self.wanted,
-            "markers_found": self.found,
-            "missed": self.missed,
-            "false_detections": self.false_detections,
-            "localisation_px": asdict(self.localisation),
-            "rank_of_last_marker": self.rank_of_last_marker,
-            "false_above_last_marker": self.false_above_last_marker,
-            "strongest_clutter": self.strongest_clutter,
-            "response_drop": self.response_drop,
-        }
+    def summary(self) -> "ScoreSummary":
+        """Return counts and errors, without the single markers."""
+        return ScoreSummary(
+            markers_in_view=self.wanted,
+            markers_found=self.found,
+            missed=self.missed,
+            false_detections=self.false_detections,
+            localisation_px=self.localisation,
+            rank_of_last_marker=self.rank_of_last_marker,
+            false_above_last_marker=self.false_above_last_marker,
+            strongest_clutter=self.strongest_clutter,
+            response_drop=self.response_drop,
+        )
+
+
+@dataclass(frozen=True)
+class ScoreSummary:
+    """What results keep of a frame's score; the fields are those of `Score`, under the names that files have."""
+
+    markers_in_view: int
+    """`Score.wanted`."""
+    markers_found: int
+    """`Score.found`."""
+    missed: tuple[str, ...]
+    """Names of the others."""
+    false_detections: int
+    """Detections at no visible marker."""
+    localisation_px: Localisation
+    """Of the found markers that are fully in view."""
+    rank_of_last_marker: int | None
+    """1-based, among all features."""
+    false_above_last_marker: int | None
+    """Features of no marker that are stronger than the weakest marker's."""
+    strongest_clutter: float | None
+    """A response."""
+    response_drop: float | None
+    """Response of the weakest found marker over the strongest clutter."""
 
 
 def score_frame(
@@ -160,7 +183,7 @@ def score_frame(
     )
 
 
-def _result(truth: MarkerTruth, detection: Detection | None, features: Keypoints, wanted: Wanted) -> MarkerResult:
+def _result(truth: MarkerTruth, detection: Detection | None, features: Keypoints, wanted: Wanted) -> MarkerScore:
     known = (
         truth.name,
         truth.side_px,
@@ -170,9 +193,9 @@ def _result(truth: MarkerTruth, detection: Detection | None, features: Keypoints
         wanted.includes(truth),
     )
     if detection is None:
-        return MarkerResult(*known, is_found=False)
+        return MarkerScore(*known, is_found=False)
     polarity = polarity_of(truth.kind)
-    return MarkerResult(
+    return MarkerScore(
         *known,
         is_found=True,
         error_px=float(np.linalg.norm(detection.xy - truth.center_xy)),

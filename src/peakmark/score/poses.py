@@ -1,36 +1,49 @@
 """Errors of estimated poses and trajectories against true ones."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.geometry.pose import Pose, invert
-from scipy.spatial.transform import Rotation
+from peaksim.geometry.pose import Pose, pose_distance
 
 from peakmark.errors import InputError
 
 WRONG_M, WRONG_DEG = 0.1, 5.0
-"""A pose that is farther off counts as wrong: a flip, or another place of the map."""
+"""A pose that is farther off counts as wrong: a flip, or another part of the map. Chosen by hand, far above the
+errors of measurement (docs/driving.md) and below the distance between markers."""
 
 
 def pose_error(estimate: Pose | None, truth: Pose) -> tuple[float, float] | None:
     """Return the distance in mm and the angle in degrees between two poses; None without an estimate."""
     if estimate is None:
         return None
-
-    apart = invert(truth) @ estimate
-    angle = float(np.degrees(Rotation.from_matrix(apart[:3, :3]).magnitude()))
-    return float(1000 * np.linalg.norm(apart[:3, 3])), angle
+    distance_m, angle_deg = pose_distance(truth, estimate)
+    return 1000 * distance_m, angle_deg
 
 
 def is_wrong(error: tuple[float, float] | None) -> bool:
-    """Return whether an accepted pose is a flip or another place."""
+    """Return whether an accepted pose is a flip or on another part of the map."""
     return error is not None and (error[0] > 1000 * WRONG_M or error[1] > WRONG_DEG)
+
+
+@dataclass(frozen=True)
+class TrajectoryErrors:
+    """Errors of a trajectory, as evo defines them."""
+
+    ate_rmse_mm: float
+    """Absolute error of the positions, root mean square."""
+    ate_max_mm: float
+    """The largest of them."""
+    rpe_rmse_mm: float
+    """Relative error from a pose to the next, root mean square."""
+    rpe_rmse_deg: float
+    """The same of rotations."""
 
 
 def trajectory_errors(
     times_s: NDArray[np.float64], truth: Sequence[Pose], estimate: Sequence[Pose | None], is_aligned: bool
-) -> dict[str, float] | None:
+) -> TrajectoryErrors | None:
     """Return evo's absolute and relative errors of the frames that have an estimate; None with fewer than three.
 
     Parameters
@@ -40,8 +53,8 @@ def trajectory_errors(
     truth, estimate
         n poses `world_from_camera` each.
     is_aligned
-        Whether the estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight way,
-        which leaves that open, is laid on the first pose).
+        Whether the estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight path,
+        which leaves that open, is put on the first pose).
 
     Raises
     ------
@@ -64,16 +77,17 @@ def trajectory_errors(
     if is_aligned:
         try:
             own.align(reference)
-        except GeometryException:  # a straight way does not tell its roll
+        except GeometryException:  # a straight path leaves its roll open
             own.align_origin(reference)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     rpe = metrics.RPE(metrics.PoseRelation.translation_part)
-    turn = metrics.RPE(metrics.PoseRelation.rotation_angle_deg)
-    for metric in (ape, rpe, turn):
+    rotation = metrics.RPE(metrics.PoseRelation.rotation_angle_deg)
+    for metric in (ape, rpe, rotation):
         metric.process_data((reference, own))
-    return {
-        "ate_rmse_mm": 1000 * ape.get_statistic(metrics.StatisticsType.rmse),
-        "ate_max_mm": 1000 * ape.get_statistic(metrics.StatisticsType.max),
-        "rpe_rmse_mm": 1000 * rpe.get_statistic(metrics.StatisticsType.rmse),
-        "rpe_rmse_deg": turn.get_statistic(metrics.StatisticsType.rmse),
-    }
+    rmse = metrics.StatisticsType.rmse
+    return TrajectoryErrors(
+        ate_rmse_mm=1000 * ape.get_statistic(rmse),
+        ate_max_mm=1000 * ape.get_statistic(metrics.StatisticsType.max),
+        rpe_rmse_mm=1000 * rpe.get_statistic(rmse),
+        rpe_rmse_deg=rotation.get_statistic(rmse),
+    )

@@ -10,11 +10,11 @@ from peakmark.errors import InputError
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.surf.descriptor import describe_windows
-from peakmark.surf.hessian import find_interest_points, strongest_first
+from peakmark.surf.hessian import find_interest_points, strongest_first, to_keypoints
 from peakmark.surf.integral import integral_image, padded_integral
 from peakmark.surf.layers import Layer
 from peakmark.surf.orientation import NO_SAMPLE, UPRIGHT_DEG, measure_angles
-from peakmark.surf.reference import LayerResponse, hessian_responses, interest_points
+from peakmark.surf.stages import LayerResponse, hessian_responses, interest_points
 
 __all__ = [
     "OPENCV",
@@ -86,7 +86,22 @@ def detect(
     InputError
         If an argument is not as stated, or a filter that fits into the image would exceed 4767 px.
     """
-    return _find(as_gray(image), threshold, octaves, layers, upright, strongest, mask)
+    gray = as_gray(image)
+    _check_parameters(threshold, octaves, layers, strongest, gray.shape)
+    chosen_pixels = None if mask is None else _as_zeros_and_ones(mask, gray.shape)
+    covered = None if chosen_pixels is None else padded_integral(chosen_pixels)
+    integral = padded_integral(gray)
+    height, width = gray.shape
+    records = find_interest_points(integral, (height, width), threshold, octaves, layers, covered)
+    if chosen_pixels is not None:
+        columns, rows = np.rint(records[:, :2]).astype(np.intp).T
+        records = records[chosen_pixels[rows, columns] > 0]
+    order = strongest_first(records)
+    limit = len(order) if strongest is None else strongest
+    if upright:
+        return to_keypoints(records[order[:limit]], np.float32(UPRIGHT_DEG))
+    chosen, angles = _orient_strongest(integral, (height, width), records, order, limit)
+    return to_keypoints(records[chosen], angles)
 
 
 def detect_and_describe(
@@ -101,7 +116,7 @@ def detect_and_describe(
 ) -> Keypoints:
     """Find SURF key points and describe them; see `detect` and `describe` for the parameters."""
     gray = as_gray(image)
-    keypoints = _find(gray, threshold, octaves, layers, upright, strongest, mask)
+    keypoints = detect(gray, threshold, octaves, layers, extended, upright, strongest, mask)
     return keypoints.with_columns(descriptors=describe(gray, keypoints, extended, upright))
 
 
@@ -149,33 +164,6 @@ def describe(
     return describe_windows(gray, keypoints.xy, keypoints.size, keypoints.angle, extended, upright)
 
 
-def _find(
-    gray: NDArray[np.uint8],
-    threshold: float,
-    octaves: int,
-    layers: int,
-    upright: bool,
-    strongest: int | None,
-    mask: ArrayLike | None,
-) -> Keypoints:
-    """`detect` on a checked image."""
-    _check_parameters(threshold, octaves, layers, strongest, gray.shape)
-    chosen_pixels = None if mask is None else _as_zeros_and_ones(mask, gray.shape)
-    covered = None if chosen_pixels is None else padded_integral(chosen_pixels)
-    integral = padded_integral(gray)
-    height, width = gray.shape
-    records = find_interest_points(integral, (height, width), threshold, octaves, layers, covered)
-    if chosen_pixels is not None:
-        columns, rows = np.rint(records[:, :2]).astype(np.intp).T
-        records = records[chosen_pixels[rows, columns] > 0]
-    order = strongest_first(records)
-    limit = len(order) if strongest is None else strongest
-    if upright:
-        return _to_keypoints(records[order[:limit]], np.float32(UPRIGHT_DEG))
-    chosen, angles = _orient_strongest(integral, (height, width), records, order, limit)
-    return _to_keypoints(records[chosen], angles)
-
-
 def _orient_strongest(
     integral: NDArray[np.int32],
     shape: tuple[int, int],
@@ -184,28 +172,16 @@ def _orient_strongest(
     limit: int,
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """The first `limit` rows in `order` that have an orientation, and that orientation."""
-    asked = limit
+    tried = limit
     while True:
-        head = order[:asked]
+        head = order[:tried]
         angles = np.empty(len(records), dtype=np.float32)
         rows = np.sort(head)  # records lie in image order, which is kinder to the cache
         angles[rows] = measure_angles(integral, shape, records[rows, :2], records[rows, 3])
         chosen = head[angles[head] != NO_SAMPLE][:limit]
-        if len(chosen) == limit or asked >= len(order):
+        if len(chosen) == limit or tried >= len(order):
             return chosen, angles[chosen]
-        asked *= 2
-
-
-def _to_keypoints(records: NDArray[np.float32], angles: NDArray[np.float32] | np.float32) -> Keypoints:
-    return Keypoints(
-        xy=records[:, :2].copy(),
-        size=records[:, 3].copy(),
-        angle=np.broadcast_to(angles, len(records)).copy(),
-        response=records[:, 4].copy(),
-        octave=records[:, 5].astype(np.int32),
-        laplacian=records[:, 6].astype(np.int8),
-        scale=records[:, 2].copy(),
-    )
+        tried *= 2
 
 
 def _check_parameters(
@@ -225,7 +201,7 @@ def _check_parameters(
 
 
 def _check_keypoints(keypoints: Keypoints) -> None:
-    """Turn away key points whose window is empty, too large, or nowhere."""
+    """Refuse key points whose window is empty, too large, or nowhere."""
     limits = {"xy": (-_FARTHEST, _FARTHEST), "size": (_SMALLEST, _LARGEST), "angle": (-360.0, 360.0)}
     for name, (least, most) in limits.items():
         column = getattr(keypoints, name)

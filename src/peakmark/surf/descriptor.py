@@ -1,4 +1,4 @@
-"""Kernels for SURF's descriptor: gradients of a turned window, summed in 4×4 cells."""
+"""Kernels for SURF's descriptor: gradients of a rotated window, summed in 4×4 cells."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,14 @@ from peakmark.surf.window import (
     average_areas,
     interleave_rows,
     make_buffers,
-    sample_turned,
+    sample_rotated,
     sample_upright,
 )
 
 GRADIENTS = PATCH_SIDE - 1
 """Gradients a side: differences of neighbouring patch pixels."""
 CELL_SIGMA = 3.3
+"""Standard deviation of the Gaussian window over the patch, in gradients; OpenCV's."""
 
 U = np.uint64
 _WEIGHTS = np.zeros((GRADIENTS, PATCH_PITCH), dtype=np.float32)
@@ -46,7 +47,7 @@ def describe_windows(
     gray : (H, W) contiguous uint8 image.
     xy, size, angle : (n, 2), (n,), (n,) float32; px, px, degrees.
     extended : 128 entries, split by the gradients' signs.
-    upright : do not turn the window, whatever the angle.
+    upright : do not rotate the window, whatever the angle.
     """
     descriptors = np.empty((len(size), 128 if extended else 64), dtype=np.float32)
     pairs = interleave_rows(gray)
@@ -74,7 +75,7 @@ def _describe(pairs, shape, rows, xy, sides, angle, extended, upright, weights, 
         if upright:
             sample_upright(flat_pairs, pairs.shape[1], shape, xy[k, 0], xy[k, 1], sides[k], buffers)
         else:
-            sample_turned(flat_pairs, pairs.shape[1], shape, xy[k, 0], xy[k, 1], angle[k], sides[k], buffers)
+            sample_rotated(flat_pairs, pairs.shape[1], shape, xy[k, 0], xy[k, 1], angle[k], sides[k], buffers)
         average_areas(sides[k], lanes, buffers)
         for column in range(4):
             sums[:] = 0
@@ -88,18 +89,18 @@ def _describe(pairs, shape, rows, xy, sides, angle, extended, upright, weights, 
 
 
 @part
-def _gradient(patch, place, weight):
+def _gradient(patch, at, weight):
     """Weighted 2×2 gradient between a patch pixel and the one right of and below it."""
-    below, right = place + U(1), place + U(PATCH_PITCH)
-    a, b, c, d = patch[place], patch[right], patch[below], patch[right + U(1)]
+    below, right = at + U(1), at + U(PATCH_PITCH)
+    a, b, c, d = patch[at], patch[right], patch[below], patch[right + U(1)]
     return np.float32(np.int32(b - a + d - c)) * weight, np.float32(np.int32(c - a + d - b)) * weight
 
 
 @part
-def _add_gradients(patch, place, weights, sums, n):
+def _add_gradients(patch, first, weights, sums, n):
     """Add dx, dy, |dx| and |dy| of a patch column to the sums of its rows."""
     for i in range(n):
-        dx, dy = _gradient(patch, place + i, weights[place + i])
+        dx, dy = _gradient(patch, first + i, weights[first + i])
         sums[i] += dx
         sums[i + U(PATCH_PITCH)] += dy
         sums[i + U(2 * PATCH_PITCH)] += abs(dx)
@@ -107,11 +108,11 @@ def _add_gradients(patch, place, weights, sums, n):
 
 
 @part
-def _add_by_sign(patch, place, weights, sums, n):
+def _add_by_sign(patch, first, weights, sums, n):
     """Add dx and |dx| where dy ≥ 0, then where dy < 0; dy and |dy| where dx ≥ 0, then where dx < 0."""
     zero = np.float32(0.0)
     for i in range(n):
-        dx, dy = _gradient(patch, place + i, weights[place + i])
+        dx, dy = _gradient(patch, first + i, weights[first + i])
         down, right = dy >= 0, dx >= 0
         sums[i] += dx if down else zero
         sums[i + U(PATCH_PITCH)] += abs(dx) if down else zero

@@ -1,13 +1,13 @@
 """Kernels that settle a candidate key point in OpenCV's own arithmetic: response, maximum, mask and Newton step.
 
-The fast responses of `surf_hessian` rest on exact integer sums and differ from OpenCV's in the last bits, because
+The fast responses of `hessian` rest on exact integer sums and differ from OpenCV's in the last bits, because
 OpenCV rounds every box mean to single precision. Here the same roundings are made in the same order.
 """
 
 import numpy as np
 from peaksim.kernel import part
 
-from peakmark.surf.layers import DXY_WEIGHT
+from peakmark.markers.patterns import DXY_WEIGHT
 
 U = np.uint64
 _DXY = np.float32(DXY_WEIGHT)
@@ -20,7 +20,7 @@ def exact_derivatives(sums, stride, corner, side):
     Parameters
     ----------
     sums, stride : the integral image row by row, and the length of a row.
-    corner : place in `sums` of the filter's top-left corner.
+    corner : index in `sums` of the filter's top-left corner.
     side : side of the filter, px.
     """
     third = side // 3
@@ -96,7 +96,7 @@ def _sum_thirds(sums, corner, across, along):
 
 @part
 def fill_layer(sums, stride, octave, index, i, j, exactly, values):
-    """Responses of a layer at the 3×3 grid places around (i, j)."""
+    """Responses of a layer at the 3×3 grid positions around (i, j)."""
     offset, side = 4 + 3 * index, (9 + 6 * index) << octave
     for di in range(3):
         for dj in range(3):
@@ -154,3 +154,18 @@ def newton_offset(cube):
     one = np.float32(1.0)
     moves = dx != 0 or dy != 0 or ds != 0
     return moves and abs(dx) <= one and abs(dy) <= one and abs(ds) <= one, dx, dy, ds
+
+
+@part
+def write_record(record, octave, index, i, j, response, trace, step):
+    """Write the key point at grid position (i, j) of a layer, a Newton step (dx, dy, ds) farther on."""
+    dx, dy, ds = step
+    offset, side = 4 + 3 * index, (9 + 6 * index) << octave
+    half = np.float32(side - 1) * np.float32(0.5)
+    record[0] = np.float32((j - offset) << octave) + half + dx * np.float32(1 << octave)
+    record[1] = np.float32((i - offset) << octave) + half + dy * np.float32(1 << octave)
+    record[2] = np.float32(side) + ds * np.float32(6 << octave)
+    record[3] = np.rint(record[2])
+    record[4] = response
+    record[5] = octave
+    record[6] = np.sign(trace)

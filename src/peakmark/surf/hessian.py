@@ -2,10 +2,10 @@
 
 No response layer is stored. Of each searched layer of an octave three grid rows stay in cache, and a row is searched
 as soon as the row below it is known. The lowest and the highest layer of an octave only serve as neighbours; they are
-computed where a candidate asks for them. Every candidate is settled in OpenCV's own arithmetic (`surf_exact`), so
+computed where a candidate asks for them. Every candidate is settled in OpenCV's own arithmetic (`exact`), so
 that key points, responses and their order are OpenCV's.
 
-Rows are named by their place in flat arrays, as unsigned integers: that spares the reference counts of slices and the
+Rows are named by their start in flat arrays, as unsigned integers: that spares the reference counts of slices and the
 test for negative indices, and lets the inner loops use vectors.
 """
 
@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.kernel import contracting_part, kernel, part
 
+from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.patterns import DXY_WEIGHT
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.surf.exact import (
     exact_derivatives,
@@ -23,15 +25,18 @@ from peakmark.surf.exact import (
     newton_offset,
     quick_response,
     strongest_neighbour,
+    write_record,
 )
-from peakmark.surf.layers import DXY_WEIGHT, Layer
+from peakmark.surf.layers import Layer
 
 RECORD_FIELDS = ("x", "y", "scale", "size", "response", "octave", "laplacian")
 """Columns of the (n, 7) float32 records that the kernel returns."""
 
 U = np.uint64
 _BANDS_PER_THREAD = 4
-_BLOCK_COLUMNS = 1024
+"""Bands of rows that a thread gets in the first octave, so that threads end together."""
+BLOCK_COLUMNS = 1024
+"""Columns of a block, so that a searched layer's three rows stay in the first cache (`benchmarks/stages.py`)."""
 _DXY = np.float32(DXY_WEIGHT)
 _SLACK = np.float32(2.0**-12)
 """Quick responses are off by less than this share of |Dxx Dyy| + Dxy²."""
@@ -67,8 +72,8 @@ def find_interest_points(
     integral : (H + 1, at least W + 1) contiguous int32 array, see `padded_integral`.
     shape : (H, W) of the image, px.
     threshold : a response must be larger, (grey levels)².
-    octaves, layers : as in `hessian_responses`.
-    mask_integral : the same for the mask as zeros and ones; None accepts every place.
+    octaves, layers : as in `stages.hessian_responses`.
+    mask_integral : the same for the mask as zeros and ones; None accepts every position.
     """
     mask = np.zeros((0, 0), dtype=np.int32) if mask_integral is None else mask_integral
     blocks = [block for octave in range(octaves) for block in grid_blocks(shape, octave, layers)]
@@ -89,8 +94,21 @@ def strongest_first(records: NDArray[np.float32]) -> NDArray[np.intp]:
     return order
 
 
+def to_keypoints(records: NDArray[np.float32], angles: NDArray[np.float32] | np.float32) -> Keypoints:
+    """Return records as key points of these angles, degrees."""
+    return Keypoints(
+        xy=records[:, :2].copy(),
+        size=records[:, 3].copy(),
+        angle=np.broadcast_to(angles, len(records)).copy(),
+        response=records[:, 4].copy(),
+        octave=records[:, 5].astype(np.int32),
+        laplacian=records[:, 6].astype(np.int8),
+        scale=records[:, 2].copy(),
+    )
+
+
 def grid_blocks(shape: tuple[int, int], octave: int, layers: int) -> list[Block]:
-    """Blocks that tile the searched places of an octave, sized for the cache and cut for the threads."""
+    """Blocks that tile the searched positions of an octave, sized for the cache and cut for the threads."""
     rows, columns = (length >> octave for length in shape)
     margin = Layer(octave, 1).margin
     height, width = rows - 2 * margin, columns - 2 * margin
@@ -100,7 +118,7 @@ def grid_blocks(shape: tuple[int, int], octave: int, layers: int) -> list[Block]
     return [
         Block(octave, layers, rows, columns, margin + top, margin + bottom, margin + left, margin + right)
         for top, bottom in bands(height, row_cuts)
-        for left, right in bands(width, -(-width // _BLOCK_COLUMNS))
+        for left, right in bands(width, -(-width // BLOCK_COLUMNS))
     ]
 
 
@@ -147,12 +165,12 @@ def _respond(sums, stride, block, i, scratch, ring, width):
         first, end = max(block.left - 1, offset), min(block.right + 1, block.columns - offset)
         if offset <= i < block.rows - offset and first < end:
             corner = ((i - offset) * stride + first - offset) << block.octave
-            place = ((index - 1) * 3 + i % 3) * width + first - block.left + 1
-            _response_row(sums, stride, corner, index, block.octave, scratch, ring, place, end - first)
+            target = ((index - 1) * 3 + i % 3) * width + first - block.left + 1
+            _response_row(sums, stride, corner, index, block.octave, scratch, ring, target, end - first)
 
 
 @part
-def _response_row(sums, stride, corner, index, octave, scratch, out, place, n):
+def _response_row(sums, stride, corner, index, octave, scratch, out, target, n):
     """Determinants of n filters of one layer, the first with its corner at sums[corner], a step apart."""
     step = 1 << octave
     side = (9 + 6 * index) << octave
@@ -183,7 +201,7 @@ def _response_row(sums, stride, corner, index, octave, scratch, out, place, n):
         np.float32(mean * mean),
         np.float32(_DXY * mixed_mean * mixed_mean),
         out,
-        U(place),
+        U(target),
         U(n),
     )
 
@@ -216,51 +234,51 @@ def _difference_rows(sums, stride, corner, side, n, scratch, length):
 
 
 @part
-def _difference(sums, r2, r7, out, place, n):
+def _difference(sums, r2, r7, out, target, n):
     """Sums over the middle five ninths of the rows, for Dxx."""
     for x in range(n):
-        out[place + x] = np.int32(sums[r7 + x] - sums[r2 + x])
+        out[target + x] = np.int32(sums[r7 + x] - sums[r2 + x])
 
 
 @part
-def _second_difference(sums, r0, r3, r6, r9, out, place, n):
+def _second_difference(sums, r0, r3, r6, r9, out, target, n):
     """Top − 2 middle + bottom third, for Dyy: (r3 − r0) − 2 (r6 − r3) + (r9 − r6)."""
     for x in range(n):
-        out[place + x] = np.int32((sums[r9 + x] - sums[r0 + x]) - 3 * (sums[r6 + x] - sums[r3 + x]))
+        out[target + x] = np.int32((sums[r9 + x] - sums[r0 + x]) - 3 * (sums[r6 + x] - sums[r3 + x]))
 
 
 @part
-def _mixed_difference(sums, r1, r4, r5, r8, out, place, n):
+def _mixed_difference(sums, r1, r4, r5, r8, out, target, n):
     """Upper − lower boxes, for Dxy."""
     for x in range(n):
-        out[place + x] = np.int32((sums[r4 + x] - sums[r1 + x]) - (sums[r8 + x] - sums[r5 + x]))
+        out[target + x] = np.int32((sums[r4 + x] - sums[r1 + x]) - (sums[r8 + x] - sums[r5 + x]))
 
 
 @part
-def _every(scratch, source, step, place, n):
-    """Copy every step-th element side by side, so that the loop over positions can use vectors; returns the place."""
+def _every(scratch, source, step, target, n):
+    """Copy every step-th element side by side, so that loops over positions can use vectors; returns the first."""
     for j in range(n):
-        scratch[U(place + j)] = scratch[U(source + j * step)]
-    return place
+        scratch[U(target + j)] = scratch[U(source + j * step)]
+    return target
 
 
 @part
-def _both_phases(scratch, source, phase, step, place, length, n):
+def _both_phases(scratch, source, phase, step, target, length, n):
     """`_every` from phase and from −phase on: the boxes of Dyy and Dxy lie symmetrically in the filter."""
     mirrored = (step - phase) % step
-    left = _every(scratch, source + phase, step, place, n)
-    right = left if mirrored == phase else _every(scratch, source + mirrored, step, place + length, n)
+    left = _every(scratch, source + phase, step, target, n)
+    right = left if mirrored == phase else _every(scratch, source + mirrored, step, target + length, n)
     return left, right
 
 
 @contracting_part
-def _determinants(s, x0, x3, x6, x9, y2, y7, u1, u4, u5, u8, dxx_dyy, dxy_dxy, out, place, n):
+def _determinants(s, x0, x3, x6, x9, y2, y7, u1, u4, u5, u8, dxx_dyy, dxy_dxy, out, target, n):
     """Dxx Dyy − 0.81 Dxy² from row differences at the boxes' columns, named by ninths of the side."""
     for j in range(n):
         dxx = np.float32(np.int32((s[x9 + j] - s[x0 + j]) - 3 * (s[x6 + j] - s[x3 + j])))
         dyy = np.float32(np.int32(s[y7 + j] - s[y2 + j]))
         dxy = np.float32(np.int32((s[u4 + j] - s[u1 + j]) - (s[u8 + j] - s[u5 + j])))
-        out[place + j] = dxx * dxx_dyy * dyy - dxy * dxy_dxy * dxy
+        out[target + j] = dxx * dxx_dyy * dyy - dxy * dxy_dxy * dxy
 
 
 @part
@@ -274,9 +292,9 @@ def _raise_to_neighbours(ring, layers, width, highest):
 
 
 @part
-def _max3(values, a, b, c, out, place, n):
+def _max3(values, a, b, c, out, target, n):
     for j in range(n):
-        out[place + j] = max(max(values[a + j], values[b + j]), values[c + j])
+        out[target + j] = max(max(values[a + j], values[b + j]), values[c + j])
 
 
 @part
@@ -341,15 +359,7 @@ def _settle(sums, stride, mask, threshold, block, index, i, j, cube, records, co
     if not _is_maximum(sums, stride, block, index, i, j, cube, doubt):
         return count
     ok, dx, dy, ds = newton_offset(cube)
-    half = np.float32(side - 1) * np.float32(0.5)
-    record = records[count]
-    record[0] = np.float32((j - offset) << octave) + half + dx * np.float32(1 << octave)
-    record[1] = np.float32((i - offset) << octave) + half + dy * np.float32(1 << octave)
-    record[2] = np.float32(side) + ds * np.float32(6 << octave)
-    record[3] = np.rint(record[2])
-    record[4] = response
-    record[5] = octave
-    record[6] = np.sign(dxx + dyy)
+    write_record(records[count], octave, index, i, j, response, dxx + dyy, (dx, dy, ds))
     return count + ok
 
 

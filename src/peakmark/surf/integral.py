@@ -30,13 +30,6 @@ def integral_image(gray: NDArray[np.uint8]) -> NDArray[np.int32]:
     return padded_integral(gray)[:, : gray.shape[1] + 1]
 
 
-def integral_image_plain(gray: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """`integral_image` as NumPy says it; tests hold the kernels against this."""
-    sums = np.zeros((gray.shape[0] + 1, gray.shape[1] + 1), dtype=np.int32)
-    sums[1:, 1:] = gray.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
-    return sums
-
-
 def padded_integral(gray: NDArray[np.uint8]) -> NDArray[np.int32]:
     """`integral_image` as the kernels want it: contiguous, its rows padded to `padded_length` with undefined values."""
     pixels = np.ascontiguousarray(gray)

@@ -9,6 +9,7 @@ from peakmark.parallel import bands, map_parallel, thread_count
 RADIUS = 6
 """Radius of the circle of samples, in units of the key point's s = 1.2 size / 9."""
 WEIGHT_SIGMA = 2.5
+"""Standard deviation of the samples' Gaussian weights, in units of s; OpenCV's."""
 UPRIGHT_DEG = 270.0
 """Angle of upright key points, as OpenCV writes it."""
 NO_SAMPLE = -1.0
@@ -16,8 +17,8 @@ NO_SAMPLE = -1.0
 
 U = np.uint64
 _GROUPS = 72
-"""Groups of 5° that make a turn; a window spans twelve of them."""
-_TURN = _GROUPS + 12
+"""Groups of 5° that make a full circle; a window spans twelve of them."""
+_CIRCLE = _GROUPS + 12
 _CLOSE = np.float32(1 - 2.0**-12)
 """Windows within this factor of the strongest are summed again, in OpenCV's order."""
 
@@ -69,20 +70,20 @@ def measure_angles(
 def _measure_angles(integral, shape, xy, size, offsets, weights, angles):
     samples = len(weights)
     sums = integral.reshape(-1)
-    places = np.empty((2, 2 * RADIUS + 1), dtype=np.int64)
+    indices = np.empty((2, 2 * RADIUS + 1), dtype=np.int64)
     corners = np.empty(samples, dtype=np.int64)
     kept = np.empty(samples, dtype=np.float32)
     boxes = np.empty(4 * samples, dtype=np.int32)
     dx, dy = np.empty(samples, dtype=np.float32), np.empty(samples, dtype=np.float32)
     degrees = np.empty(samples, dtype=np.int32)
-    work = np.empty(5 * _TURN, dtype=np.float32)
+    work = np.empty(5 * _CIRCLE, dtype=np.float32)
     lengths = np.empty(_GROUPS, dtype=np.float32)
     for k in range(len(size)):
         s = size[k] * np.float32(1.2) / np.float32(9.0)
         half = np.int64(np.rint(np.float32(2.0) * s))
-        _place_lines(xy[k, 0], s, half, shape[1], np.int64(1), places[0])
-        _place_lines(xy[k, 1], s, half, shape[0], integral.shape[1], places[1])
-        count = _place_samples(places, offsets, weights, corners, kept)
+        _index_lines(xy[k, 0], s, half, shape[1], np.int64(1), indices[0])
+        _index_lines(xy[k, 1], s, half, shape[0], integral.shape[1], indices[1])
+        count = _index_samples(indices, offsets, weights, corners, kept)
         if count == 0:
             angles[k] = NO_SAMPLE
             continue
@@ -94,20 +95,20 @@ def _measure_angles(integral, shape, xy, size, offsets, weights, angles):
 
 
 @part
-def _place_lines(center, s, half, length, stride, places):
+def _index_lines(center, s, half, length, stride, indices):
     """First row or column, times the stride, of the Haar filters on each line of samples; −1 outside the image."""
     reach = np.float32(2 * half - 1) / np.float32(2.0)
     for k in range(2 * RADIUS + 1):
         first = np.int64(np.rint(center + np.float32(k - RADIUS) * s - reach))
-        places[k] = first * stride if 0 <= first <= length - 2 * half else -1
+        indices[k] = first * stride if 0 <= first <= length - 2 * half else -1
 
 
 @part
-def _place_samples(places, offsets, weights, corners, kept):
-    """Flat places of the top-left corners of the Haar filters inside the image, and their weights; their number."""
+def _index_samples(indices, offsets, weights, corners, kept):
+    """Flat indices of the top-left corners of the Haar filters inside the image, and their weights; their number."""
     count = 0
     for k in range(len(weights)):
-        column, row = places[0, U(offsets[k, 0] + RADIUS)], places[1, U(offsets[k, 1] + RADIUS)]
+        column, row = indices[0, U(offsets[k, 0] + RADIUS)], indices[1, U(offsets[k, 1] + RADIUS)]
         corners[U(count)] = row + column
         kept[U(count)] = weights[k]
         count += (row | column) >= 0
@@ -147,16 +148,16 @@ def _haar_responses(boxes, weights, count, mean, dx, dy, degrees):
 def _bin_directions(degrees, dx, dy, count, work):
     """Sum the vectors by direction: x and y of the exact multiples of 5°, then x and y of the whole groups of 5°.
 
-    A turn begins six groups early and ends six late, so that windows need not wrap.
+    The circle begins six groups early and ends six late, so that windows need not wrap.
     """
-    work[: 4 * _TURN] = 0
+    work[: 4 * _CIRCLE] = 0
     for k in range(count):
         group = degrees[k] // np.int32(5)
         rest = degrees[k] != 5 * group
-        place = U(group + 6 + 2 * _TURN * rest)
-        work[place] += dx[k]
-        work[place + U(_TURN)] += dy[k]
-    for first in range(0, 4 * _TURN, _TURN):
+        at = U(group + 6 + 2 * _CIRCLE * rest)
+        work[at] += dx[k]
+        work[at + U(_CIRCLE)] += dy[k]
+    for first in range(0, 4 * _CIRCLE, _CIRCLE):
         for k in range(6):
             work[first + k] = work[first + _GROUPS + k]
             work[first + _GROUPS + 6 + k] = work[first + 6 + k]
@@ -170,7 +171,7 @@ def _strongest_window(degrees, dx, dy, count, work, lengths):
     """
     lengths[:] = 0
     _add_window_lengths(work, U(0), lengths)
-    _add_window_lengths(work, U(_TURN), lengths)
+    _add_window_lengths(work, U(_CIRCLE), lengths)
     highest = np.float32(0.0)
     for window in range(_GROUPS):
         highest = max(highest, lengths[window])
@@ -187,12 +188,12 @@ def _strongest_window(degrees, dx, dy, count, work, lengths):
 @part
 def _add_window_lengths(work, exact, lengths):
     """Add the squared sum over each window: twelve groups from six early on, without the first exact multiple of 5°."""
-    rest, pairs = exact + U(2 * _TURN), U(4 * _TURN)
-    for k in range(U(_TURN)):
+    rest, pairs = exact + U(2 * _CIRCLE), U(4 * _CIRCLE)
+    for k in range(U(_CIRCLE)):
         work[rest + k] += work[exact + k]
-    for k in range(U(_TURN - 1)):
+    for k in range(U(_CIRCLE - 1)):
         work[pairs + k] = work[rest + k] + work[rest + k + U(1)]
-    for k in range(U(_TURN - 3)):
+    for k in range(U(_CIRCLE - 3)):
         work[pairs + k] += work[pairs + k + U(2)]
     for k in range(U(_GROUPS)):
         total = work[pairs + k] + work[pairs + k + U(4)] + work[pairs + k + U(8)] - work[exact + k]

@@ -16,7 +16,7 @@ PATCH_PITCH = 32
 
 U = np.uint64
 _CHUNK = 4096
-"""Samples that are placed, loaded and interpolated together: they stay in the first cache."""
+"""Samples that are located, loaded and interpolated together: they stay in the first cache."""
 _NEAR_HALF = np.float32(2.0**-11)
 """Averages this close to half a grey level are computed again in OpenCV's arithmetic, which decides the rounding."""
 
@@ -27,7 +27,7 @@ class Buffers(NamedTuple):
     starts: NDArray[np.float32]
     """x, then y of the first sample of each row of the window."""
     quads: NDArray[np.int32]
-    """Places of a few rows of samples in the image, later the four pixels there."""
+    """Indices of a few rows of samples in the image, later the four pixels there."""
     window: NDArray[np.uint8]
     """The window, rows `pitch_of(side)` apart."""
     rows: NDArray[np.int32]
@@ -80,8 +80,8 @@ def _interleave_rows(gray, pairs, first, end):
 
 
 @part
-def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):
-    """Sample a window turned by the angle: bilinear and rounded to 8 bits; outside the image the nearest pixel.
+def sample_rotated(pairs, stride, shape, x, y, angle_deg, side, buffers):
+    """Sample a window rotated by the angle: bilinear and rounded to 8 bits; outside the image the nearest pixel.
 
     Parameters
     ----------
@@ -107,9 +107,9 @@ def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):
     for first in range(0, side, chunk):
         end = min(first + chunk, side)
         if inside:
-            _place_samples(starts, first, end, side, sine, cosine, stride32, quads)
+            _index_samples(starts, first, end, side, sine, cosine, stride32, quads)
         else:
-            _place_border_samples(starts, first, end, side, sine, cosine, stride32, borders, quads)
+            _index_border_samples(starts, first, end, side, sine, cosine, stride32, borders, quads)
         _load_quads(pairs, U(top * stride + left), quads, U((end - first) * pitch))
         if inside:
             _interpolate(starts, first, end, side, sine, cosine, quads, window)
@@ -119,7 +119,7 @@ def sample_turned(pairs, stride, shape, x, y, angle_deg, side, buffers):
 
 @part
 def lies_inside(x, y, sine, cosine, side, shape):
-    """Whether a turned window, with the lanes that fill its rows up to the pitch, stays two pixels inside the image."""
+    """Whether a rotated window, with the lanes that fill its rows up to the pitch, stays two pixels inside."""
     reach = np.float32(pitch_of(side)) - np.float32(side) * np.float32(0.5)
     span = reach * (abs(sine) + abs(cosine)) + np.float32(2.0)
     return x - span >= 0 and y - span >= 0 and x + span < shape[1] and y + span < shape[0]
@@ -139,8 +139,8 @@ def _start_rows(x, y, sine, cosine, left, top, side, starts):
 
 
 @contracting_part
-def _place_samples(starts, first, end, side, sine, cosine, stride, places):
-    """Place in the image of the upper left pixel of each sample, relative to the start's origin."""
+def _index_samples(starts, first, end, side, sine, cosine, stride, indices):
+    """Index in the image of the upper left pixel of each sample, relative to the start's origin."""
     pitch = U(pitch_of(side))
     for i in range(first, end):
         row = U(i - first) * pitch
@@ -148,30 +148,36 @@ def _place_samples(starts, first, end, side, sine, cosine, stride, places):
         for j in range(pitch):
             column = np.int32(start_x + np.float32(np.int32(j)) * cosine)
             line = np.int32(start_y - np.float32(np.int32(j)) * sine)
-            places[row + j] = np.int32(line * stride + column)
+            indices[row + j] = np.int32(line * stride + column)
 
 
 @contracting_part
-def _place_border_samples(starts, first, end, side, sine, cosine, stride, borders, places):
-    """`_place_samples` where the window may leave the image: samples without four pixels take the nearest."""
+def _index_border_samples(starts, first, end, side, sine, cosine, stride, borders, indices):
+    """`_index_samples` where the window may leave the image: samples without four pixels take the nearest."""
     first_x, first_y, last_x, last_y = borders
     pitch = U(pitch_of(side))
     for i in range(first, end):
         row = U(i - first) * pitch
         start_x, start_y = starts[i], starts[side + i]
         for j in range(pitch):
-            x = start_x + np.float32(np.int32(j)) * cosine
-            y = start_y - np.float32(np.int32(j)) * sine
-            column, line = np.float32(np.int32(x)), np.float32(np.int32(y))
-            inside = (column >= first_x) & (column < last_x) & (line >= first_y) & (line < last_y)
+            x, y, column, line, inside = _sample(start_x, start_y, np.float32(np.int32(j)), cosine, sine, borders)
             column = column if inside else min(max(np.rint(x), first_x), last_x)
             line = line if inside else min(max(np.rint(y), first_y), last_y)
-            places[row + j] = np.int32(np.int32(line) * stride + np.int32(column))
+            indices[row + j] = np.int32(np.int32(line) * stride + np.int32(column))
+
+
+@contracting_part
+def _sample(start_x, start_y, j, cosine, sine, borders):
+    """Position of the sample j steps along a row, its upper left pixel, and whether all four pixels exist."""
+    first_x, first_y, last_x, last_y = borders
+    x, y = start_x + j * cosine, start_y - j * sine
+    column, line = np.float32(np.int32(x)), np.float32(np.int32(y))
+    return x, y, column, line, (column >= first_x) & (column < last_x) & (line >= first_y) & (line < last_y)
 
 
 @part
 def _load_quads(pairs, base, quads, n):
-    """Replace places by pixels: upper left, lower left, upper right, lower right, from the lowest byte on."""
+    """Replace indices by pixels: upper left, lower left, upper right, lower right, from the lowest byte on."""
     one, sixteen = U(1), np.uint32(16)
     for j in range(n):
         at = base + U(quads[j])
@@ -196,7 +202,6 @@ def _interpolate(starts, first, end, side, sine, cosine, quads, window):
 @contracting_part
 def _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, window):
     """`_interpolate` where the window may leave the image."""
-    first_x, first_y, last_x, last_y = borders
     zero = np.float32(0.0)
     pitch = U(pitch_of(side))
     for i in range(first, end):
@@ -204,10 +209,7 @@ def _interpolate_border(starts, first, end, side, sine, cosine, borders, quads, 
         target = U(i) * pitch
         start_x, start_y = starts[i], starts[side + i]
         for j in range(pitch):
-            x = start_x + np.float32(np.int32(j)) * cosine
-            y = start_y - np.float32(np.int32(j)) * sine
-            column, line = np.float32(np.int32(x)), np.float32(np.int32(y))
-            inside = (column >= first_x) & (column < last_x) & (line >= first_y) & (line < last_y)
+            x, y, column, line, inside = _sample(start_x, start_y, np.float32(np.int32(j)), cosine, sine, borders)
             x_share, y_share = x - column if inside else zero, y - line if inside else zero
             window[target + j] = _bilinear(np.uint32(quads[row + j]), x_share, y_share)
 
@@ -226,7 +228,7 @@ def _bilinear(quad, x_share, y_share):
 
 @part
 def sample_upright(pairs, stride, shape, x, y, side, buffers):
-    """Copy a window turned by 270°, whole pixels, rows running up the image; outside the image the nearest pixel."""
+    """Copy a window rotated by 270°, whole pixels, rows running up the image; outside the image the nearest pixel."""
     reach = -np.float32(side - 1) / np.float32(2.0)
     first_column = np.int64(np.rint(x + reach))
     last_row = np.int64(np.rint(y - reach))
@@ -288,9 +290,9 @@ def _average_columns(columns, side, lanes, patch):
 
 
 @part
-def _add_row(values, source, weight, sums, place, n):
+def _add_row(values, source, weight, sums, target, n):
     for x in range(n):
-        sums[place + x] = np.int32(sums[place + x] + weight * np.int32(values[source + x]))
+        sums[target + x] = np.int32(sums[target + x] + weight * np.int32(values[source + x]))
 
 
 @part
@@ -301,17 +303,17 @@ def _round_quarters(patch):
 
 
 @part
-def _round(patch, place, one_by_area, n):
+def _round(patch, first, one_by_area, n):
     for i in range(n):
-        patch[place + i] = np.int32(np.rint(np.float32(patch[place + i]) * one_by_area))
+        patch[first + i] = np.int32(np.rint(np.float32(patch[first + i]) * one_by_area))
 
 
 @part
-def _has_near_halves(patch, place, one_by_area, n):
+def _has_near_halves(patch, first, one_by_area, n):
     """Whether an average of a patch column is so close to half a level that its rounding is in doubt."""
     doubts = np.int32(0)
     for i in range(n):
-        average = np.float32(patch[place + i]) * one_by_area
+        average = np.float32(patch[first + i]) * one_by_area
         doubts += np.int32(abs(average - np.floor(average) - np.float32(0.5)) < _NEAR_HALF)
     return doubts > 0
 

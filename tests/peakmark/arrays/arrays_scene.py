@@ -26,20 +26,20 @@ class Printed:
 
 
 def printed_array(
-    code: int, center_m: tuple[float, float] = (0.0, 0.0), layout: Layout = THREE_BIT, turn_deg: float = 0.0
+    code: int, center_m: tuple[float, float] = (0.0, 0.0), layout: Layout = THREE_BIT, rotation_deg: float = 0.0
 ) -> list[Printed]:
     """Return the markers of an array on the wall in reading order."""
     middle = (np.array([layout.columns, layout.rows]) - 1) / 2
-    turn = rotation_about("z", turn_deg)[:2, :2]
-    offsets = (np.array(layout.cells) - middle) * [1, -1] * SIDE_M * layout.pitch @ turn.T + center_m
+    rotation = rotation_about("z", rotation_deg)[:2, :2]
+    offsets = (np.array(layout.cells) - middle) * [1, -1] * SIDE_M * layout.pitch @ rotation.T + center_m
     return [Printed((float(x), float(y)), p) for (x, y), p in zip(offsets, polarities_of(code, layout), strict=True)]
 
 
 def facing_wall(distance_m: float, tilt_deg: float, direction_deg: float, roll_deg: float) -> Pose:
     """Return a camera that looks at the wall's origin; its axis is tilted from the normal towards a direction."""
     flip = np.diag([1.0, -1.0, -1.0])
-    turn = rotation_about("z", direction_deg) @ rotation_about("x", tilt_deg) @ rotation_about("z", roll_deg) @ flip
-    return compose(turn, -distance_m * turn[:, 2])
+    rotation = rotation_about("z", direction_deg) @ rotation_about("x", tilt_deg) @ rotation_about("z", roll_deg) @ flip
+    return compose(rotation, -distance_m * rotation[:, 2])
 
 
 def detections(

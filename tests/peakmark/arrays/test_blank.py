@@ -17,47 +17,47 @@ def block(code: int, fourth: Polarity) -> np.ndarray:
 
 
 @pytest.mark.parametrize("fourth", ["dark", "light"])
-@pytest.mark.parametrize("turn", [0, 70, 200])
-def test_a_block_with_a_missed_marker_is_unsure_where_the_picture_is_given(fourth: Polarity, turn: float) -> None:
-    picture = wall([(block(2, fourth), 240, 180, 40, turn)])
-    found = identify(picture, polarity="both")
+@pytest.mark.parametrize("rotation_deg", [0, 70, 200])
+def test_a_block_with_a_missed_marker_is_unsure_where_the_image_is_given(fourth: Polarity, rotation_deg: float) -> None:
+    image = wall([(block(2, fourth), 240, 180, 40, rotation_deg)])
+    found = identify(image, polarity="both")
     assert len(found) == 4
-    angle = np.radians(turn)
+    angle = np.radians(rotation_deg)
     corner = np.array([240, 180]) - 30 * np.array([np.cos(angle) + np.sin(angle), np.cos(angle) - np.sin(angle)])
     three = [d for d in found if np.linalg.norm(d.xy - corner) > 5]
     assert [a.code for a in decode_arrays(three)] == [2]
-    (array,) = decode_arrays(three, image=picture)
+    (array,) = decode_arrays(three, image=image)
     assert (array.code, array.doubt) == (None, "the blank corner is not blank")
 
 
 @pytest.mark.parametrize("level", [0, 90, 150])
 def test_something_in_front_of_the_corner_is_not_paper(level: int) -> None:
-    picture = wall([(sheet(6), 240, 180, 40, 0)])
-    hidden = picture.copy()
+    image = wall([(sheet(6), 240, 180, 40, 0)])
+    hidden = image.copy()
     hidden[100:168, 150:230] = level
-    assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [6]
+    assert [a.code for a in decode_arrays(identify(image, polarity="both"), image=image)] == [6]
     assert [a.code for a in decode_arrays(identify(hidden, polarity="both"), image=hidden)] in ([], [None])
 
 
 @pytest.mark.parametrize("white", [180, 255])
 def test_paper_may_be_a_little_darker_than_the_pattern_s_white(white: int) -> None:
     for code in range(8):
-        picture = wall([(sheet(code, max(white, 215)), 240, 180, 25, 30)], seed=code)
-        picture = (picture * (white / 255)).astype(np.uint8)
-        assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [code]
+        image = wall([(sheet(code, max(white, 215)), 240, 180, 25, 30)], seed=code)
+        image = (image * (white / 255)).astype(np.uint8)
+        assert [a.code for a in decode_arrays(identify(image, polarity="both"), image=image)] == [code]
 
 
 @pytest.mark.parametrize("code", range(8))
 @pytest.mark.parametrize("side", [21, 30, 57.6])
 def test_bare_paper_is_blank_whatever_the_markers_beside_it(code: int, side: float) -> None:
     size = round(4 * side)
-    picture = cv2.resize(sheet(code), (size, size), interpolation=cv2.INTER_AREA)
-    picture = cv2.GaussianBlur(np.pad(picture, 40, constant_values=255), (0, 0), 0.7)
-    assert [a.code for a in decode_arrays(identify(picture, polarity="both"), image=picture)] == [code]
+    image = cv2.resize(sheet(code), (size, size), interpolation=cv2.INTER_AREA)
+    image = cv2.GaussianBlur(np.pad(image, 40, constant_values=255), (0, 0), 0.7)
+    assert [a.code for a in decode_arrays(identify(image, polarity="both"), image=image)] == [code]
 
 
 def test_the_image_tells_its_size() -> None:
-    picture = wall([(sheet(3), 240, 180, 40, 0)])
-    cut = picture[170:, 225:]
+    image = wall([(sheet(3), 240, 180, 40, 0)])
+    cut = image[170:, 225:]
     found = identify(cut, polarity="both")
     assert decode_arrays(found, image=cut) == ()

@@ -58,9 +58,9 @@ def test_all_eight_side_by_side_in_one_view_in_any_order() -> None:
         assert [[d.id for d in a.detections] for a in found] == [[3 * c, 3 * c + 1, 3 * c + 2] for c in range(8)]
 
 
-def test_the_rows_of_a_turned_poster_are_those_of_the_poster() -> None:
-    for turn in (0, 90, 180, 270, 33):
-        seen, _ = detections(printed_array(4, turn_deg=turn), facing_wall(1.0, 10, 50, 0))
+def test_the_rows_of_a_rotated_poster_are_those_of_the_poster() -> None:
+    for angle in (0, 90, 180, 270, 33):
+        seen, _ = detections(printed_array(4, rotation_deg=angle), facing_wall(1.0, 10, 50, 0))
         assert [a.code for a in decode_arrays(seen)] == [4]
 
 
@@ -134,8 +134,8 @@ def test_ghosts_and_duplicates_are_ignored() -> None:
     ghosts = []
     for d in seen:
         other: Polarity = "light" if d.polarity == "dark" else "dark"
-        for k, turn in enumerate(np.radians([45, 135, 225, 315])):
-            away = 0.21 * d.size * np.array([np.cos(turn), np.sin(turn)])
+        for k, angle in enumerate(np.radians([45, 135, 225, 315])):
+            away = 0.21 * d.size * np.array([np.cos(angle), np.sin(angle)])
             ghosts.append(Detection(100 + k, d.xy + away, 0.45 * d.size, other, 0.16 * d.response, 0.6, 50))
         ghosts.append(Detection(200, d.xy + 1.0, 1.2 * d.size, d.polarity, 0.9 * d.response, 0.2, 60))
     assert [a.code for a in decode_arrays(ghosts + seen)] == [6]
@@ -167,9 +167,9 @@ def test_arrays_at_one_and_a_half_pitch_are_read() -> None:
 
 def wallpaper(rng: np.random.Generator, columns: int, rows: int, pitch_m: float) -> list[Printed]:
     """Return a grid of markers of random polarity."""
-    places = [(x * pitch_m, y * pitch_m) for x in range(columns) for y in range(rows)]
-    middle = np.mean(places, axis=0)
-    return [Printed((x - middle[0], y - middle[1]), "light" if rng.random() < 0.5 else "dark") for x, y in places]
+    centers = [(x * pitch_m, y * pitch_m) for x in range(columns) for y in range(rows)]
+    middle = np.mean(centers, axis=0)
+    return [Printed((x - middle[0], y - middle[1]), "light" if rng.random() < 0.5 else "dark") for x, y in centers]
 
 
 @pytest.mark.parametrize("pitch", [1.1, 1.5])

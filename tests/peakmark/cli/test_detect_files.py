@@ -1,4 +1,4 @@
-"""`peakmark detect`: pictures, folders and films in; key points, overlays, a summary out; damaged files refused."""
+"""`peakmark detect`: images, folders and films in; key points, overlays, a summary out; damaged files refused."""
 
 import json
 import os
@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from peakmark import surf
-from peakmark.cli.detect_files import detect_files, read_film, read_pictures
+from peakmark.cli.detect_files import detect_files, read_film, read_images
 from peakmark.errors import ImageError, InputError
 from peakmark.keypoints.keypoints import Keypoints
 from tests.places import SOURCES
@@ -50,10 +50,10 @@ def peakmark(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("ending", [".npz", ".csv", ".json"])
-@pytest.mark.parametrize("picture", ["a.png", "a.tif", "a.bmp"])
-def test_a_picture_into_each_format(tmp_path: Path, picture: str, ending: str) -> None:
-    Image.fromarray(GRAY).save(tmp_path / picture)
-    records = detect_files(tmp_path / picture, tmp_path / f"k{ending}")
+@pytest.mark.parametrize("image", ["a.png", "a.tif", "a.bmp"])
+def test_an_image_into_each_format(tmp_path: Path, image: str, ending: str) -> None:
+    Image.fromarray(GRAY).save(tmp_path / image)
+    records = detect_files(tmp_path / image, tmp_path / f"k{ending}")
     expected = surf.detect_and_describe(GRAY)
     assert [record.keypoints for record in records] == [len(expected)] != [0]
     assert_equal(Keypoints.load(tmp_path / f"k{ending}"), expected)
@@ -70,7 +70,7 @@ def test_a_folder_with_overlays_and_a_summary(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     for name, pixels in (("b", GRAY), ("a", GRAY[::-1])):
         Image.fromarray(pixels).save(tmp_path / "in" / f"{name}.png")
-    (tmp_path / "in" / "notes.txt").write_text("no picture", encoding="utf-8")
+    (tmp_path / "in" / "notes.txt").write_text("no image", encoding="utf-8")
     detect_files(tmp_path / "in", tmp_path / "out", parameters={"strongest": 5}, overlay=True)
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     assert [(p["name"], p["keypoints"]) for p in result["pictures"]] == [("a", 5), ("b", 5)]
@@ -92,16 +92,16 @@ def test_a_film_frame_by_frame(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="expected a folder of pictures with different names, got none"):
-        list(read_pictures(tmp_path))
+    with pytest.raises(InputError, match="expected a folder of images with different names, got none"):
+        list(read_images(tmp_path))
     (tmp_path / "f.mp4").write_bytes(b"\x00" * 999)
     with pytest.raises(ImageError, match=r"f\.mp4: expected a film"):
         list(read_film(tmp_path / "f.mp4"))
     for name in ("a.png", "a.bmp"):
         Image.fromarray(GRAY).save(tmp_path / name)
     with pytest.raises(InputError, match="got two called a"):
-        list(read_pictures(tmp_path))
-    with pytest.raises(InputError, match=r"expected a folder, as .* holds many pictures"):
+        list(read_images(tmp_path))
+    with pytest.raises(InputError, match=r"expected a folder, as .* holds many images"):
         detect_files(tmp_path, tmp_path / "k.npz")
     with pytest.raises(InputError, match=r"expected one of \.npz, \.csv, \.json, got '\.xml'"):
         detect_files(tmp_path / "a.png", tmp_path / "out", ending=".xml")
@@ -135,7 +135,7 @@ def test_damaged_files_end_in_one_line_and_exit_2(tmp_path: Path, damage: str, m
     elif damage == "truncated":
         path.write_bytes(path.read_bytes()[:2000])
     elif damage == "text":
-        path.write_text("no picture", encoding="utf-8")
+        path.write_text("no image", encoding="utf-8")
     elif damage == "missing":
         path.unlink()
     extra = ["--threshold", "-1"] if damage == "threshold" else []

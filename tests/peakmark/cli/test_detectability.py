@@ -6,9 +6,8 @@ import pytest
 from typer import Typer
 from typer.testing import CliRunner
 
-from peakmark.cli.detectability import as_csv, detectability, fault_rows
+from peakmark.cli.detectability import detectability
 from peakmark.errors import InputError
-from tests.peakmark.experiments.detectability.rows import curve, row
 
 app = Typer()
 app.command()(detectability)
@@ -56,15 +55,3 @@ def test_bad_options_are_refused_in_one_line(tmp_path, options):
     done = CliRunner().invoke(app, ["--out", str(tmp_path / "out"), "--quiet", *options])
     assert isinstance(done.exception, InputError)
     assert "\n" not in str(done.exception)
-
-
-def test_csv_has_a_line_a_row_and_nothing_for_none():
-    rows = curve("noise", "m", "d", {0: 100, 50: 0})
-    first, second = csv.DictReader(as_csv(rows).splitlines())
-    assert float(first["response"]) == 10
-    assert second["response"] == ""
-
-
-def test_only_faulty_rows_are_listed():
-    rows = [row("noise", "m", "d", 0), row("noise", "m", "d", 1, failures=3, first_failure="E: x", outside=2)]
-    assert [list(line) for line in fault_rows(rows).rows] == [["d", "noise", 1, 3, 0, 2, "E: x"]]

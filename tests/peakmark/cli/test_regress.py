@@ -89,7 +89,9 @@ def test_hostile_names_stay_in_the_folder_and_run_nothing(tmp_path: Path) -> Non
     evil = "../../<img src=x onerror=alert(1)>'\""
     lost = replace(missed(), true_xy=(5.0, 5.0))
     before = record(*(replace(f, markers={evil: marker()}) for f in sound().results), suite=evil)
-    after = record(*(frame(i, failure=evil) for i in range(20)), suite=evil, detector={**before.detector, "name": evil})
+    after = record(
+        *(frame(i, failure=evil) for i in range(20)), suite=evil, detector=replace(before.detector, name=evil)
+    )
     after = replace(after, results=tuple(replace(f, markers={evil: lost}) for f in after.results))
     baseline = tmp_path / "it's a <b>.json"
     baseline.write_text(to_text(before), encoding="utf-8")

@@ -14,18 +14,18 @@ from tests.peakmark.surf.parity import compare
 from tests.samples import speckled
 
 
-def sift_picture():
-    """Return a dark SIFT marker of σ 6 exactly in the middle, (80, 80), of a picture."""
+def sift_image():
+    """Return a dark SIFT marker of σ 6 exactly in the middle, (80, 80), of a image."""
     return cv2.copyMakeBorder(marker.sift_marker(6.0, 73), 44, 44, 44, 44, cv2.BORDER_REPLICATE)
 
 
 @pytest.mark.parametrize("name", ["surf", "surf-paper"])
 def test_our_surf_is_found_by_name(name):
-    picture = marker_view(60)
+    image = marker_view(60)
     preset = surf.PAPER if name == "surf-paper" else surf.OPENCV
-    expected = surf.detect_and_describe(picture, **preset)
+    expected = surf.detect_and_describe(image, **preset)
     for describe in (True, False):
-        found = find_detector(name, describe)(picture)
+        found = find_detector(name, describe)(image)
         np.testing.assert_array_equal(found.xy, expected.xy)
         np.testing.assert_array_equal(found.response, expected.response)
         assert (found.descriptors is None) == (not describe)
@@ -53,7 +53,7 @@ def test_opencvs_surf_takes_our_parameters_and_gives_the_same(parameters):
 
 
 def test_opencvs_sift_is_a_quarter_of_a_pixel_off_as_it_comes():
-    biased, centred = (find_detector(name)(sift_picture())[0] for name in ("sift-opencv", "sift"))
+    biased, centred = (find_detector(name)(sift_image())[0] for name in ("sift-opencv", "sift"))
     np.testing.assert_allclose(biased.xy[0] - 80, 0.25, atol=0.02)
     np.testing.assert_allclose(centred.xy[0] - 80, 0, atol=0.02)
 
@@ -63,8 +63,8 @@ UNDESCRIBED = ("cv2:FastFeatureDetector", "cv2:xfeatures2d.StarDetector")
 
 @pytest.mark.parametrize("name", ["sift", "sift-opencv", "cv2:ORB", "cv2:AKAZE", "cv2:BRISK", *UNDESCRIBED])
 def test_opencvs_detectors_are_found_by_name_and_give_the_strongest_first(name):
-    picture = marker_view(60)
-    plain, described = (find_detector(name, describe)(picture) for describe in (False, True))
+    image = marker_view(60)
+    plain, described = (find_detector(name, describe)(image) for describe in (False, True))
     assert len(plain) > 0
     assert (np.diff(np.abs(plain.response)) <= 0).all()
     assert plain.descriptors is None

@@ -6,34 +6,34 @@ from peakmark import marker
 from peakmark.detectors.vlfeat import dog_response, signed_by_dog, vlfeat_sift
 
 
-def sift_picture():
-    """Return a dark SIFT marker of σ 6 exactly in the middle, (80, 80), of a picture."""
+def sift_image():
+    """Return a dark SIFT marker of σ 6 exactly in the middle, (80, 80), of a image."""
     return cv2.copyMakeBorder(marker.sift_marker(6.0, 73), 44, 44, 44, 44, cv2.BORDER_REPLICATE)
 
 
 def test_vlfeat_is_centred_and_its_response_is_signed():
     pytest.importorskip("pycolmap")
-    for picture, sign in ((sift_picture(), 1), (255 - sift_picture(), -1)):
-        found = vlfeat_sift(picture)
+    for image, sign in ((sift_image(), 1), (255 - sift_image(), -1)):
+        found = vlfeat_sift(image)
         np.testing.assert_allclose(found.xy[0], 80, atol=0.02)
         assert found.laplacian[0] == sign
         assert found.size[0] / 2 == pytest.approx(6 / np.sqrt(2), rel=0.1)
         assert found.descriptors.shape == (len(found), 128)
-        assert vlfeat_sift(picture, strongest=1, describe=False).descriptors is None
+        assert vlfeat_sift(image, strongest=1, describe=False).descriptors is None
 
 
-def test_dog_response_is_the_difference_of_blurred_pictures():
-    picture = sift_picture()
+def test_dog_response_is_the_difference_of_blurred_images():
+    image = sift_image()
     wide, narrow = (
-        cv2.GaussianBlur(picture / 255.0, (0, 0), s, borderType=cv2.BORDER_REPLICATE) for s in (4 * 2 ** (1 / 3), 4)
+        cv2.GaussianBlur(image / 255.0, (0, 0), s, borderType=cv2.BORDER_REPLICATE) for s in (4 * 2 ** (1 / 3), 4)
     )
     for x, y in ((80, 80), (75, 90)):
-        assert dog_response(picture, np.array([x, y]), 4.0) == pytest.approx(wide[y, x] - narrow[y, x], abs=2e-4)
+        assert dog_response(image, np.array([x, y]), 4.0) == pytest.approx(wide[y, x] - narrow[y, x], abs=2e-4)
 
 
 def test_frames_are_ordered_by_the_strength_of_their_response():
     xy = np.array([[20.0, 20.0], [80.0, 80.0], [80.0, 92.0]])
-    found = signed_by_dog(sift_picture(), xy, np.full(3, 4.2), np.array([0.0, 370.0, -10.0]))
+    found = signed_by_dog(sift_image(), xy, np.full(3, 4.2), np.array([0.0, 370.0, -10.0]))
     np.testing.assert_array_equal(found.xy[0], [80, 80])
     assert (np.diff(found.response) <= 0).all()
     assert found.laplacian[1] == -1

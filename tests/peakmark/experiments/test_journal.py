@@ -68,6 +68,9 @@ def test_files_lie_beside_the_journal_and_go_with_it(tmp_path: Path) -> None:
     journal.file("1.jpg").write_bytes(b"picture")
     assert (tmp_path / "journal" / "1.jpg").read_bytes() == b"picture"
     journal.add("1", 1)
+    journal.remove_files()
+    assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]
+    assert journal.records == {"1": 1}
     journal.remove()
     assert list(tmp_path.iterdir()) == []
     assert journal.records == {}

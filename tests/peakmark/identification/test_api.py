@@ -3,30 +3,26 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from peakmark.errors import InputError
 from peakmark.identification.api import Rule, identify
 from peakmark.identification.detection import Detection
-from peakmark.identification.evidence import APART, box_variance, one_each, quotients
-from peakmark.identification.paper import above_drop
-from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.patterns import surf_marker
 from tests.helpers import marker_view
+from tests.places import ROOT
 
 both_rules = pytest.mark.parametrize("rule", ["paper", "joint"])
 
 
 def floor_with_markers(centers: list[tuple[int, int]], side_px: int = 45) -> np.ndarray:
     """Return a low-contrast photograph with upright dark markers on white tiles pasted at whole pixels."""
-    photo = cv2.imread("assets/textures/gravel.png", cv2.IMREAD_GRAYSCALE)
-    picture = np.rint(150 + 0.5 * (photo.astype(float) - photo.mean())).astype(np.uint8)
+    photo = cv2.imread(str(ROOT / "assets" / "textures" / "gravel.png"), cv2.IMREAD_GRAYSCALE)
+    image = np.rint(150 + 0.5 * (photo.astype(float) - photo.mean())).astype(np.uint8)
     half = side_px * 5 // 8
     tile = marker_view(side_px, image_px=2 * half + 1)
     for x, y in centers:
-        picture[y - half : y + half + 1, x - half : x + half + 1] = tile
-    return picture
+        image[y - half : y + half + 1, x - half : x + half + 1] = tile
+    return image
 
 
 @both_rules
@@ -43,25 +39,25 @@ def test_all_markers_and_nothing_else_strongest_first(rule: Rule) -> None:
 
 
 def test_the_paper_finds_light_markers_as_those_of_the_negative() -> None:
-    picture = floor_with_markers([(80, 90), (330, 300)])
-    assert identify(255 - picture, stretch=1.0, polarity="dark", rule="paper") == ()
-    dark = identify(picture, stretch=1.0, rule="paper", refine=False)
-    light = identify(255 - picture, stretch=1.0, polarity="light", rule="paper", refine=False)
+    image = floor_with_markers([(80, 90), (330, 300)])
+    assert identify(255 - image, stretch=1.0, polarity="dark", rule="paper") == ()
+    dark = identify(image, stretch=1.0, rule="paper", refine=False)
+    light = identify(255 - image, stretch=1.0, polarity="light", rule="paper", refine=False)
     assert len(dark) == 2
     assert np.allclose([d.xy for d in dark], [d.xy for d in light], atol=0.02)
 
 
 def test_light_and_dark_markers_on_white_paper_are_told_apart() -> None:
-    picture = floor_with_markers([(80, 90)])
-    picture[267:334, 297:364] = np.pad(surf_marker(45, "light"), 11, constant_values=255)
+    image = floor_with_markers([(80, 90)])
+    image[267:334, 297:364] = np.pad(surf_marker(45, "light"), 11, constant_values=255)
     for polarity, center in (("dark", (80, 90)), ("light", (330, 300))):
-        found = identify(picture, stretch=1.0, polarity=polarity)
+        found = identify(image, stretch=1.0, polarity=polarity)
         assert len(found) == 1
         assert np.allclose(found[0].xy, center, atol=0.05)
 
 
 @both_rules
-def test_a_plain_picture_has_no_markers(rule: Rule) -> None:
+def test_a_plain_image_has_no_markers(rule: Rule) -> None:
     assert identify(np.full((300, 400), 77, np.uint8), rule=rule) == ()
 
 
@@ -91,17 +87,17 @@ def test_the_joint_rule_refines_centre_and_shape() -> None:
 
 
 def test_a_lone_marker_on_plain_paper_is_found_at_its_centre() -> None:
-    picture = np.full((301, 401), 255, np.uint8)
-    picture[120:165, 230:275] = surf_marker(45)
-    (found,) = identify(picture, stretch=1.0)
+    image = np.full((301, 401), 255, np.uint8)
+    image[120:165, 230:275] = surf_marker(45)
+    (found,) = identify(image, stretch=1.0)
     assert np.allclose(found.xy, [252, 142], atol=0.02)
 
 
 @both_rules
 def test_refining_can_be_left_out(rule: Rule) -> None:
     centers = [(80, 90), (330, 100), (140, 300)]
-    picture = floor_with_markers(centers)
-    plain, fine = (identify(picture, stretch=1.0, rule=rule, refine=choice) for choice in (False, True))
+    image = floor_with_markers(centers)
+    plain, fine = (identify(image, stretch=1.0, rule=rule, refine=choice) for choice in (False, True))
     assert [d.rank for d in plain] == [d.rank for d in fine]
     assert all(d.affinity is None and d.explained is None for d in plain)
     assert all(d.affinity is not None for d in fine)
@@ -129,41 +125,3 @@ def test_photographs_hold_no_markers(name: str) -> None:
 def test_an_unknown_rule_is_refused() -> None:
     with pytest.raises(InputError, match="rule: expected one of joint, paper, got 'guess'"):
         identify(np.zeros((50, 50), np.uint8), rule="guess")  # type: ignore[arg-type]
-
-
-def test_the_marker_itself_has_nearly_the_largest_quotient() -> None:
-    picture = marker_view(45)
-    at_center = Keypoints([[128, 128]], [45], [0], [90_200], [0], [1], [45])  # type: ignore[arg-type]
-    assert quotients(picture, at_center, 1.0)[0] == pytest.approx(1, abs=0.02)
-
-
-def test_variances_are_those_of_the_pixels_in_the_boxes() -> None:
-    gray = np.random.default_rng(0).integers(0, 256, (60, 80), dtype=np.uint8)
-    centers, sizes = np.array([[30, 20], [5, 5], [70, 50]], np.float32), np.array([[9, 5], [3, 7], [1, 1.0]])
-    expected = [gray[18:23, 26:35].var(), gray[2:9, 4:7].var(), 0.0]
-    assert np.allclose(box_variance(gray, centers, sizes), expected)
-
-
-def test_one_of_each_is_kept_the_better_one() -> None:
-    xy, sides = np.array([[0, 0], [10, 0], [40, 0.0]]), np.full(3, 20.0)
-    assert one_each(xy, sides, np.array([0.5, 0.9, 0.1])).tolist() == [1, 2]
-    assert one_each(xy[:0], sides[:0], sides[:0]).tolist() == []
-
-
-@given(st.integers(0, 60), st.floats(5, 200), st.integers(0, 2**32 - 1))
-def test_the_kernel_keeps_what_a_plain_loop_keeps(count: int, extent: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    xy, sides, worth = rng.uniform(0, extent, (count, 2)), rng.uniform(2, 40, count), rng.integers(0, 9, count)
-    kept: list[int] = []
-    for i in np.argsort(-worth, kind="stable"):
-        gaps = np.linalg.norm(xy[kept] - xy[i], axis=1)
-        if (gaps > APART * np.maximum(sides[kept], sides[i])).all():
-            kept.append(int(i))
-    assert one_each(xy, sides, worth.astype(np.float64)).tolist() == kept
-
-
-@pytest.mark.parametrize(
-    ("responses", "count"), [([], 0), ([5], 1), ([9, 8, 7, 2, 1.9], 3), ([9, 8, 7, 6.5], 0), ([100, 10, 9, 8], 1)]
-)
-def test_the_largest_drop_separates(responses: list[float], count: int) -> None:
-    assert above_drop(np.array(responses, dtype=np.float32)) == count

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from peakmark.errors import InputError
-from peakmark.identification.both import features_of
 from peakmark.identification.classifier import COLUMNS, Classifier, load_classifier, shipped_classifier
-from peakmark.identification.evidence import evidence
+from peakmark.identification.evidence import feature_evidence
+from peakmark.identification.search import detect_features
 from tests.helpers import marker_view
 
 LINE: dict[str, Any] = {
@@ -82,8 +82,8 @@ def test_faulty_files_are_one_line(tmp_path: Path, content: str, message: str) -
 @pytest.mark.parametrize("polarity", ["dark", "light"])
 def test_the_shipped_classifier_knows_a_marker_from_its_ghosts(polarity: Any) -> None:
     gray = marker_view(60, 20.0, polarity)
-    features = features_of(gray)
-    columns = evidence(gray, features)
+    features = detect_features(gray)
+    columns = feature_evidence(gray, features)
     assert columns.shape == (len(features), len(COLUMNS))
     assert columns[0, 0] == pytest.approx(np.log10(features.response[0]))
     classifier = shipped_classifier()

@@ -8,6 +8,7 @@ from peakmark import surf
 from peakmark.errors import InputError
 from peakmark.identification.signature import SIGNATURE, VERSION_INDEPENDENT, reference_descriptor, signature_distances
 from tests.helpers import marker_view
+from tests.places import ROOT
 
 
 def test_dimensions_are_the_papers() -> None:
@@ -18,7 +19,7 @@ def test_dimensions_are_the_papers() -> None:
 
 @pytest.mark.parametrize("turn_deg", [0, 17, 45, 90, 200])
 @pytest.mark.parametrize("side_px", [40, 90])
-def test_turned_and_scaled_markers_are_near_the_reference_and_far_from_the_other_polarity(
+def test_rotated_and_scaled_markers_are_near_the_reference_and_far_from_the_other_polarity(
     side_px: int, turn_deg: float
 ) -> None:
     for polarity, other in (("dark", "light"), ("light", "dark")):
@@ -38,8 +39,8 @@ def test_the_reference_is_computed_once_and_cannot_be_changed() -> None:
 
 
 def test_photographs_are_far_from_the_reference() -> None:
-    picture = cv2.imread("assets/textures/grass.png", cv2.IMREAD_GRAYSCALE)
-    features = surf.detect_and_describe(picture)
+    image = cv2.imread(str(ROOT / "assets" / "textures" / "grass.png"), cv2.IMREAD_GRAYSCALE)
+    features = surf.detect_and_describe(image)
     distances = signature_distances(features.descriptors, "dark")
     assert len(features) > 1000
     assert np.median(distances) > 0.7

@@ -64,8 +64,8 @@ def test_under_the_floors_stretch_markers_in_the_middle_column_look_square(
         factors = floor_stretch(camera, pitch)
         assert factors.shape == (768,)
         seen = view(camera, pose_at(straight, 5, height, pitch), straight, rng)
-        squeezed = np.linalg.norm(seen.affinity, axis=2)
-        expected = squeezed[:, 0] / squeezed[:, 1]
+        spans = np.linalg.norm(seen.affinity, axis=2)
+        expected = spans[:, 0] / spans[:, 1]
         near = (expected > 1.02) & (expected < 3.9)
         assert np.allclose(factors[np.rint(seen.xy[near, 1]).astype(int)], expected[near], rtol=0.02)
 
@@ -90,5 +90,5 @@ def test_a_stretch_for_other_rows_is_refused() -> None:
         stretched(np.zeros((20, 20), np.uint8), np.ones(19))
 
 
-def test_a_single_row_stays_one_picture() -> None:
+def test_a_single_row_stays_one_image() -> None:
     assert stretched(np.full((1, 5), 9, np.uint8), np.array([3.0])).tolist() == [[9] * 5] * 3

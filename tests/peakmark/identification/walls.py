@@ -31,14 +31,14 @@ def wall(
     size: tuple[int, int] = (480, 360),
     seed: int = 0,
 ) -> NDArray[np.uint8]:
-    """Return papers (texels, x, y, side of a marker in px, turn in degrees) on plaster, softened, with noise."""
+    """Return papers (texels, x, y, side of a marker in px, rotation in degrees) on plaster, softened, with noise."""
     rng, fine = np.random.default_rng(seed), 3
     rough = cv2.GaussianBlur(rng.normal(0, 60, (size[1], size[0])).astype(np.float32), (0, 0), 4)
     canvas = cv2.resize(140 + rough, (size[0] * fine, size[1] * fine))
-    for paper, x, y, side_px, turn_deg in papers:
+    for paper, x, y, side_px, rotation_deg in papers:
         scale = side_px * fine / TEXELS
         middle = ((paper.shape[1] - 1) / 2, (paper.shape[0] - 1) / 2)
-        warp = cv2.getRotationMatrix2D(middle, turn_deg, scale)
+        warp = cv2.getRotationMatrix2D(middle, rotation_deg, scale)
         warp[:, 2] += np.array([(x + 0.5) * fine - 0.5 - middle[0], (y + 0.5) * fine - 0.5 - middle[1]])
         drawn = cv2.warpAffine(paper.astype(np.float32), warp, canvas.shape[::-1], flags=cv2.INTER_AREA)
         mask = cv2.warpAffine(np.ones(paper.shape, np.float32), warp, canvas.shape[::-1])

@@ -1,4 +1,4 @@
-"""Images of every accepted kind, and those that are turned away."""
+"""Images of every accepted kind, and those that are refused."""
 
 import cv2
 import numpy as np

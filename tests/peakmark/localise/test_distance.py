@@ -5,14 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from peaksim.camera.camera import Camera
 
-from peakmark.localise.distance import (
-    distances_at_height,
-    distances_at_tilt,
-    distances_of_shapes,
-    ray_slopes,
-    solid_angles,
-    unit_rays,
-)
+from peakmark.localise.distance import distances_at_height, distances_of_shapes, ray_slopes, solid_angles, unit_rays
 from tests.floor_views import CAMERA, SIDE_M, pose_at, view, winding_map
 
 WIDE = Camera(1024, 768, 500.0, 520.0, 500.0, 390.0, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0))
@@ -38,7 +31,6 @@ def test_every_rule_gives_the_true_distance_of_a_small_marker(
     assert np.allclose(by_shape, distance, rtol=1e-4)
     assert np.allclose(tilt_by_shape, tilt, atol=0.05)
     assert np.allclose(distances_at_height(angles, SIDE_M, height), distance, rtol=1e-4)
-    assert np.allclose(distances_at_tilt(angles, SIDE_M, tilt), distance, rtol=1e-4)
 
 
 def test_a_relative_error_of_the_scale_is_two_thirds_as_large_in_the_distance() -> None:

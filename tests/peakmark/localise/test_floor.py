@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from peaksim.geometry.pose import invert, transform
 
 from peakmark.localise.distance import unit_rays
-from peakmark.localise.floor import (
-    Floor,
-    floor_from_areas,
-    floor_from_shapes,
-    floor_homography,
-    floor_of_pose,
-    on_floor,
-    tangent_bases,
-)
+from peakmark.localise.floor import Floor, floor_from_areas, floor_from_shapes, floor_of_pose, on_floor, tangent_bases
 from tests.floor_views import CAMERA, SIDE_M, pose_at, view, winding_map
 
 poses = {
@@ -82,18 +75,18 @@ def test_nothing_and_rays_in_a_plane_tell_no_floor() -> None:
     assert floor_from_areas(CAMERA, straight[:2], [20, 30], SIDE_M) is None
 
 
-def test_points_of_the_floor_are_found_again_through_rays_and_through_the_homography() -> None:
+def test_points_of_the_floor_are_found_again_through_rays_and_through_the_projection() -> None:
     rng = np.random.default_rng(0)
     floor_map = winding_map(rng)
     pose = pose_at(floor_map, 5, roll_deg=7)
     seen = view(CAMERA, pose, floor_map, rng)
     floor = floor_of_pose(pose)
-    places = on_floor(floor, unit_rays(CAMERA, seen.xy))
-    homogeneous = np.column_stack([places, np.ones(len(places))]) @ floor_homography(floor, CAMERA).T
-    assert np.allclose(homogeneous[:, :2] / homogeneous[:, 2:], seen.xy)
+    positions = on_floor(floor, unit_rays(CAMERA, seen.xy))
+    on_plane = np.column_stack([positions, np.zeros(len(positions))])
+    assert np.allclose(CAMERA.project(transform(invert(floor.floor_from_camera), on_plane)), seen.xy)
     true = floor_map.centers_m[seen.names]
     assert np.allclose(
-        np.linalg.norm(places[:, None] - places[None], axis=2), np.linalg.norm(true[:, None] - true[None], axis=2)
+        np.linalg.norm(positions[:, None] - positions[None], axis=2), np.linalg.norm(true[:, None] - true[None], axis=2)
     )
 
 

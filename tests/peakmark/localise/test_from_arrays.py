@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from peaksim.geometry.pose import Pose, invert
+from peaksim.geometry.pose import Pose, pose_distance
 
 from peakmark import decode_arrays
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
-from peakmark.localise.from_arrays import Place, pose_from_arrays, turned_to
+from peakmark.localise.from_arrays import Place, pose_from_arrays, rotated_to
 from peakmark.markers.array_code import THREE_BIT
 from tests.peakmark.arrays.arrays_scene import CAMERA, SIDE_M, Printed, detections, facing_wall, printed_array
 
@@ -29,12 +29,6 @@ def seen(printed: list[Printed], pose: Pose, noise_px: float = 0.0) -> tuple[Mar
     return decode_arrays(replace(d, xy=d.xy + e, affinity=s) for d, s, e in zip(found, shapes, errors, strict=True))
 
 
-def apart(a: Pose, b: Pose) -> tuple[float, float]:
-    step = invert(a) @ b
-    cosine = np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)
-    return float(np.linalg.norm(step[:3, 3])), float(np.degrees(np.arccos(cosine)))
-
-
 @settings(max_examples=25)
 @given(st.integers(0, 7), st.floats(0.4, 3), st.floats(15, 45), st.floats(0, 360), st.floats(0, 360))
 def test_one_array_gives_the_pose_and_its_mirror(
@@ -43,12 +37,12 @@ def test_one_array_gives_the_pose_and_its_mirror(
     truth = facing_wall(distance, tilt, direction, roll)
     found = pose_from_arrays(CAMERA, seen(printed_array(code), truth), {code: place((0.0, 0.0))})
     assert found is not None
-    position, angle = apart(found.fit.world_from_camera, truth)
+    position, angle = pose_distance(found.fit.world_from_camera, truth)
     assert position < 0.003 * distance
     assert angle < 0.3
-    if found.other is not None:
-        assert apart(found.other.world_from_camera, truth)[1] > angle
-        assert found.other.cost >= found.fit.cost
+    if found.rival is not None:
+        assert pose_distance(found.rival.world_from_camera, truth)[1] > angle
+        assert found.rival.cost >= found.fit.cost
 
 
 def test_far_arrays_seen_nearly_squarely_are_uncertain_and_near_ones_are_not() -> None:
@@ -72,7 +66,7 @@ def test_several_arrays_are_certain_and_their_pose_is_good() -> None:
     assert found is not None
     assert found.is_certain
     assert len(found.fit.errors_px) == 9
-    position, angle = apart(found.fit.world_from_camera, truth)
+    position, angle = pose_distance(found.fit.world_from_camera, truth)
     assert position < 0.005
     assert angle < 0.1
 
@@ -94,11 +88,11 @@ def test_bad_input() -> None:
 
 
 @given(st.floats(-180, 180), st.integers(0, 3))
-def test_shapes_are_turned_by_quarters_only(direction: float, quarters: int) -> None:
+def test_shapes_are_rotated_by_quarters_only(direction: float, quarters: int) -> None:
     along = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
     shape = np.array([[20.0, 3.0], [-2.0, 15.0]])
-    turned = turned_to(shape @ np.linalg.matrix_power([[0, -1], [1, 0]], quarters), along)
-    assert np.linalg.det(turned) == pytest.approx(np.linalg.det(shape))
+    rotated = rotated_to(shape @ np.linalg.matrix_power([[0, -1], [1, 0]], quarters), along)
+    assert np.linalg.det(rotated) == pytest.approx(np.linalg.det(shape))
     options = [shape[:, 0], shape[:, 1], -shape[:, 0], -shape[:, 1]]
     best = max(options, key=lambda s: float(s @ along / np.linalg.norm(s)))
-    assert turned[:, 0] @ along / np.linalg.norm(turned[:, 0]) == pytest.approx(best @ along / np.linalg.norm(best))
+    assert rotated[:, 0] @ along / np.linalg.norm(rotated[:, 0]) == pytest.approx(best @ along / np.linalg.norm(best))

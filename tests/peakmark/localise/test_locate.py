@@ -1,4 +1,4 @@
-"""The camera in a map of markers without names: right or silent, never wrong."""
+"""The camera in a map of markers without names: right or None, never wrong."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from peakmark.errors import InputError
 from peakmark.localise.locate import FEWEST, FloorMap, locate
-from peakmark.localise.pose import refined_sigmas
+from peakmark.localise.pose import CERTAIN, refined_sigmas
 from tests.floor_views import CAMERA, SIDE_M, Seen, apart, pose_at, view, winding_map
 
 views = {
@@ -46,10 +46,10 @@ def test_every_answer_is_right_although_markers_are_missed_and_others_made_up(
     if found is not None:
         distance, angle = apart(found.world_from_camera, pose)
         assert distance < 0.04
-        assert angle < (0.6 if len(seen.xy) >= 8 else 2.0)  # a short row of markers hardly tells the turn about it
+        assert angle < (0.6 if len(seen.xy) >= 8 else 2.0)  # a short row of markers hardly tells the rotation about it
         matched = found.marker_of[: len(seen.xy)]
         assert ((matched == seen.names) | (matched == -1)).all()
-        assert found.margin >= 8
+        assert found.margin >= CERTAIN
 
 
 @settings(max_examples=25, deadline=None)
@@ -85,7 +85,7 @@ def test_a_guess_that_is_wrong_gives_none() -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_map_of_another_place_gives_none(seed: int) -> None:
+def test_a_map_of_another_floor_gives_none(seed: int) -> None:
     rng = np.random.default_rng(seed)
     here, elsewhere = winding_map(rng, bend=0.15), winding_map(rng, bend=0.4)
     seen = view(CAMERA, pose_at(here, 15), here, rng, noise_px=0.1)

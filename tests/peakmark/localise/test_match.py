@@ -1,4 +1,4 @@
-"""Arrangements: the true one is found among turned, shifted, disturbed and incomplete copies of the map."""
+"""Arrangements: the true one is found among rotated, shifted, disturbed and incomplete copies of the map."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -9,19 +9,19 @@ from tests.floor_views import winding_map
 
 
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), turn=st.floats(-3, 3), foreign=st.integers(0, 3))
-def test_the_true_arrangement_comes_first(seed: int, turn: float, foreign: int) -> None:
+@given(seed=st.integers(0, 2**32 - 1), angle=st.floats(-3, 3), foreign=st.integers(0, 3))
+def test_the_true_arrangement_comes_first(seed: int, angle: float, foreign: int) -> None:
     rng = np.random.default_rng(seed)
-    places = winding_map(rng, bend=0.3).centers_m[:, :2]
+    positions = winding_map(rng, bend=0.3).centers_m[:, :2]
     shift = rng.uniform(-5, 5, 2)
     chosen = rng.permutation(np.arange(10, 20))[:8]
-    seen = rotated(places[chosen] - shift, -turn) + rng.normal(0, 0.005, (8, 2))
+    seen = rotated(positions[chosen] - shift, -angle) + rng.normal(0, 0.005, (8, 2))
     strangers = rng.uniform(-5, 5, (foreign, 2))
-    found = arrangements(np.concatenate([seen, strangers]), np.full(8 + foreign, 0.03), places)
+    found = arrangements(np.concatenate([seen, strangers]), np.full(8 + foreign, 0.03), positions)
     assert len(found) <= MOST_HYPOTHESES
     best = found[0]
     assert best.count >= 8
-    assert np.allclose(rotated(seen, best.turn_rad) + best.shift_m, places[chosen], atol=0.03)
+    assert np.allclose(rotated(seen, best.rotation_rad) + best.shift_m, positions[chosen], atol=0.03)
 
 
 def test_an_even_row_fits_one_step_on_as_well() -> None:

@@ -1,4 +1,4 @@
-"""Motion without a map: the way driven is the true one, in metres, up to a slow drift."""
+"""Motion without a map: the trajectory is the true one, in metres, up to a slow drift."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def test_three_metres_are_driven_with_little_drift(seed: int) -> None:
     assert errors[:, 1].max() < 1.0
 
 
-def test_frames_that_show_too_little_are_none_and_the_way_goes_on() -> None:
+def test_frames_that_show_too_little_are_none_and_the_trajectory_resumes() -> None:
     rng = np.random.default_rng(1)
     taken = drive(winding_map(rng, 30), rng, 0.03, 30)
     frames = [seen for _, seen in taken]

@@ -39,13 +39,13 @@ def test_no_identity_is_swapped_or_lost_and_none_is_given_twice(step_m: float, s
 
 
 def test_a_track_survives_a_gap_as_long_as_patience_lasts() -> None:
-    place, nothing = np.array([[100.0, 100.0]]), np.empty((0, 2))
+    spot, nothing = np.array([[100.0, 100.0]]), np.empty((0, 2))
     for gap, same in ((PATIENCE, True), (PATIENCE + 1, False)):
-        tracks, first = follow(Tracks(), place, [20])
+        tracks, first = follow(Tracks(), spot, [20])
         for _ in range(gap):
             tracks, ids = follow(tracks, nothing, [])
             assert ids.shape == (0,)
-        assert (follow(tracks, place + 1, [20])[1] == first).all() == same
+        assert (follow(tracks, spot + 1, [20])[1] == first).all() == same
 
 
 def test_a_marker_far_from_every_track_is_a_new_one() -> None:

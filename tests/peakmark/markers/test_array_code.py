@@ -29,8 +29,8 @@ def test_parity_finds_any_single_error(side: int, data: st.DataObject) -> None:
     layout = Layout(side, side, parity=True)
     polarities = list(polarities_of(data.draw(st.integers(0, 2**layout.bits - 1)), layout))
     assert polarities.count("light") % 2 == 0
-    place = data.draw(st.integers(0, len(polarities) - 1))
-    polarities[place] = "light" if polarities[place] == "dark" else "dark"
+    wrong = data.draw(st.integers(0, len(polarities) - 1))
+    polarities[wrong] = "light" if polarities[wrong] == "dark" else "dark"
     assert code_of(polarities, layout) is None
 
 

@@ -13,7 +13,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 @given(seed=seeds)
-def test_linear_optimum_meets_its_bound_and_beats_random_pictures(seed):
+def test_linear_optimum_meets_its_bound_and_beats_random_patterns(seed):
     rng = np.random.default_rng(seed)
     w = rng.normal(size=(3, 4))
     for limit, norm in (("energy", 2), ("range", np.inf)):

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from peakmark import marker
 from peakmark.errors import InputError
-from peakmark.markers.optimum import quadratic
+from peakmark.markers.optimum import linear_optimum, quadratic
 
 sides = st.integers(9, 200)
 polarities = st.sampled_from(["dark", "light"])
@@ -57,12 +57,12 @@ def test_range_limited_surf_marker_gains_1_85_in_determinant():
 
 @given(side=sides, polarity=polarities, limit=limits)
 def test_surf_marker_is_symmetric_and_keeps_the_mean_level(side, polarity, limit):
-    picture = marker.surf_marker(side, polarity, limit)
-    assert picture.dtype == np.uint8
-    assert picture.shape == (side, side)
-    for turned in (picture.T, picture[::-1], picture[:, ::-1]):
-        np.testing.assert_array_equal(picture, turned)
-    assert picture.mean() == pytest.approx(marker.surf_cells(polarity, limit).mean(), abs=0.5)
+    image = marker.surf_marker(side, polarity, limit)
+    assert image.dtype == np.uint8
+    assert image.shape == (side, side)
+    for mirrored in (image.T, image[::-1], image[:, ::-1]):
+        np.testing.assert_array_equal(image, mirrored)
+    assert image.mean() == pytest.approx(marker.surf_cells(polarity, limit).mean(), abs=0.5)
 
 
 @pytest.mark.parametrize("limit", ["energy", "range"])
@@ -98,7 +98,7 @@ def test_sift_marker_is_a_stretched_dog():
 
 
 def test_range_limited_sift_marker_is_the_disc_where_the_dog_is_negative_and_gains_1_68():
-    signs = marker.sift_optimum(15.0, 181, "range")
+    signs = linear_optimum(marker.dog(15.0, 181), "range").x
     disc = marker.sift_marker(limit="range")
     settled = (disc == 0) | (disc == 255)
     np.testing.assert_array_equal(np.where(disc[settled] == 0, -1, 1), signs[settled])
@@ -124,8 +124,8 @@ def test_disc_shares_are_areas(radius, side):
 def test_sift_key_point_lies_at_the_centre_of_both_sift_markers():
     detector = cv2.SIFT_create(enable_precise_upscale=True)
     for limit, sigma in (("energy", 15 / np.sqrt(2)), ("range", 15.0)):
-        picture = marker.sift_marker(limit=limit)
-        found = cv2.copyMakeBorder(picture, 166, 166, 166, 166, cv2.BORDER_REPLICATE)
+        image = marker.sift_marker(limit=limit)
+        found = cv2.copyMakeBorder(image, 166, 166, 166, 166, cv2.BORDER_REPLICATE)
         best = max(detector.detect(found, None), key=lambda k: k.response)
         assert np.hypot(best.pt[0] - 256, best.pt[1] - 256) < 0.05
         assert best.size / 2 == pytest.approx(sigma, rel=0.12)

@@ -71,7 +71,7 @@ def test_boxes_of_the_surf_marker_paint_its_cells(polarity, limit):
 
 @pytest.mark.parametrize("polarity", ["dark", "light"])
 def test_printed_sift_marker_is_the_one_of_marker(polarity):
-    """At 25.4 dpi a millimetre is a dot: a sheet's 181 mm DoG is `sift_marker`'s picture, area-sampled."""
+    """At 25.4 dpi a millimetre is a dot: a sheet's 181 mm DoG is `sift_marker`'s image, area-sampled."""
     (page,) = pages([marker_tile(Print("sift", 181.0, polarity))], (301.0, 300.0), border_mm=0)
     (place,) = page.markers
     left, top = (round(c - 90.5) for c in (place.x_mm, place.y_mm))

@@ -45,25 +45,25 @@ def edges_mm(line):
 @pytest.mark.parametrize("polarity", ["dark", "light"])
 def test_pdf_prints_the_right_size_and_grey_levels(polarity, tmp_path):
     laid_out = sheet(polarity=polarity)
-    picture = rasterised_pdf(laid_out, tmp_path)
-    assert picture.shape == pytest.approx((297 * DOTS, 210 * DOTS), abs=1)
+    image = rasterised_pdf(laid_out, tmp_path)
+    assert image.shape == pytest.approx((297 * DOTS, 210 * DOTS), abs=1)
     (place,) = laid_out[0].markers
     row, column = int(place.y_mm * DOTS), int(place.x_mm * DOTS)
-    for line, center in ((picture[row], place.x_mm), (picture[: 2 * row, column], place.y_mm)):
+    for line, center in ((image[row], place.x_mm), (image[: 2 * row, column], place.y_mm)):
         start, end = edges_mm(line)
         assert end - start == pytest.approx(80.0, abs=0.1)
         assert (start + end) / 2 == pytest.approx(center, abs=0.1)
     cell = 80 / 9
     at = [np.round((c + cell * (np.arange(9) - 4)) * DOTS).astype(int) for c in (place.y_mm, place.x_mm)]
-    np.testing.assert_array_equal(picture[np.ix_(*at)], marker.surf_cells(polarity))
+    np.testing.assert_array_equal(image[np.ix_(*at)], marker.surf_cells(polarity))
 
 
 @needs_poppler
 def test_pdf_scale_bar_has_the_stated_length(tmp_path):
     laid_out = sheet()
-    picture = rasterised_pdf(laid_out, tmp_path)
+    image = rasterised_pdf(laid_out, tmp_path)
     tick_row = round((297 - 8 - 2.2 - 2 - 1) * DOTS)
-    dark = 255.0 - picture[tick_row]
+    dark = 255.0 - image[tick_row]
     middle = len(dark) // 3
     centroids = [np.average(np.arange(a, b), weights=dark[a:b]) for a, b in ((0, middle), (middle, len(dark)))]
     assert np.diff(centroids)[0] / DOTS == pytest.approx(laid_out[0].scale_bar_mm, abs=0.1)
@@ -113,12 +113,12 @@ def test_png_has_the_depth_it_needs_and_reads_back_as_drawn(pattern, dtype, tmp_
 
     laid_out = sheet(pattern)
     (path,) = write(laid_out, tmp_path / "sheet", "png", dpi=150)
-    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    assert picture.dtype == dtype
-    np.testing.assert_array_equal(picture, raster(laid_out[0], 150))
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image.dtype == dtype
+    np.testing.assert_array_equal(image, raster(laid_out[0], 150))
     assert Image.open(path).info["dpi"] == pytest.approx((150, 150), abs=0.1)
     if dtype == np.uint16:
-        assert len(np.unique(picture)) > 1000
+        assert len(np.unique(image)) > 1000
 
 
 @pytest.mark.parametrize("format", ["pdf", "svg", "png"])

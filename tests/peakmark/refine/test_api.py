@@ -17,13 +17,15 @@ SIDE_M = 0.08
 
 
 def view(rng, side, tilt, pattern="surf-dark", background=128.0):
-    """Return a picture of one marker with a white cell around it, at a random phase, turn and tilt axis, and truth."""
+    """Return an image of one marker in a white cell, at a random phase, rotation and tilt axis, and its truth."""
     size = int(2.2 * side) + 20
     camera = Camera(size, size, FOCAL_PX, FOCAL_PX, (size - 1) / 2, (size - 1) / 2)
     distance = FOCAL_PX * SIDE_M / side * np.sqrt(np.cos(np.radians(tilt)))
-    turns = [rotation_about(a, d) for a, d in zip("zxz", (rng.uniform(0, 360), tilt, rng.uniform(0, 360)), strict=True)]
+    rotations = [
+        rotation_about(a, d) for a, d in zip("zxz", (rng.uniform(0, 360), tilt, rng.uniform(0, 360)), strict=True)
+    ]
     x, y = rng.uniform(-0.5, 0.5, 2) * distance / FOCAL_PX
-    pose = compose(turns[0] @ turns[1] @ turns[2] @ rotation_about("x", 180), [x, y, distance])
+    pose = compose(rotations[0] @ rotations[1] @ rotations[2] @ rotation_about("x", 180), [x, y, distance])
     texture = Texture.from_array(
         surf_texture("light" if pattern.endswith("light") else "dark", "range" if "range" in pattern else "energy")
     )
@@ -32,12 +34,12 @@ def view(rng, side, tilt, pattern="surf-dark", background=128.0):
     return np.asarray(frame.image).reshape(size, size, -1)[:, :, 0], frame.truth[0]
 
 
-def noisy(picture, sigma, rng):
-    return np.clip(np.rint(picture + rng.normal(0, sigma, picture.shape)), 0, 255).astype(np.uint8)
+def noisy(image, sigma, rng):
+    return np.clip(np.rint(image + rng.normal(0, sigma, image.shape)), 0, 255).astype(np.uint8)
 
 
 def roughly(truth, rng):
-    """Return what a detector would know: a place 2 % of a side off and a size 15 % off."""
+    """Return what a detector would know: a position 2 % of a side off and a size 15 % off."""
     return truth.center_xy + rng.normal(0, 0.014, 2) * truth.side_px, truth.side_px * rng.uniform(0.85, 1.15)
 
 
@@ -46,9 +48,9 @@ def errors(side, tilt, sigma, count, pattern="surf-dark", seed=0):
     rng = np.random.default_rng([seed, int(side), tilt, int(sigma)])
     found = []
     for _ in range(count):
-        picture, truth = view(rng, side, tilt, pattern)
-        picture = noisy(picture, sigma, rng) if sigma else picture
-        result = refine(picture, *roughly(truth, rng), pattern, focal_px=FOCAL_PX)
+        image, truth = view(rng, side, tilt, pattern)
+        image = noisy(image, sigma, rng) if sigma else image
+        result = refine(image, *roughly(truth, rng), pattern, focal_px=FOCAL_PX)
         if result.converged[0]:
             error = result.xy[0] - truth.center_xy
             found.append((error, error @ np.linalg.solve(result.covariance[0, :2, :2], error)))
@@ -103,8 +105,8 @@ def assert_within_band(normalised, share):
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_every_pattern_is_found_with_its_affinity_and_corners(pattern):
     rng = np.random.default_rng(7)
-    picture, truth = view(rng, 60, 40, pattern)
-    result = refine(picture, truth.center_xy, truth.side_px, pattern, focal_px=FOCAL_PX)
+    image, truth = view(rng, 60, 40, pattern)
+    result = refine(image, truth.center_xy, truth.side_px, pattern, focal_px=FOCAL_PX)
     assert result.converged[0]
     gaps = np.linalg.norm(result.corners()[0][:, None] - truth.corners_xy[None], axis=-1).min(axis=1)
     assert gaps.max() < 0.2
@@ -115,8 +117,8 @@ def test_every_pattern_is_found_with_its_affinity_and_corners(pattern):
 
 def test_light_and_contrast_are_measured():
     rng = np.random.default_rng(8)
-    picture, truth = view(rng, 50, 20)
-    dimmed = np.rint(picture * 0.4 + 30).astype(np.uint8)
+    image, truth = view(rng, 50, 20)
+    dimmed = np.rint(image * 0.4 + 30).astype(np.uint8)
     result = refine(dimmed, truth.center_xy, truth.side_px)
     assert result.gain[0] == pytest.approx(0.4 * 255, rel=0.02)
     assert result.offset[0] == pytest.approx(30, abs=1.5)
@@ -126,8 +128,8 @@ def test_blur_is_measured_and_leaves_the_centre_alone():
     import cv2
 
     rng = np.random.default_rng(9)
-    picture, truth = view(rng, 60, 30)
-    blurred = cv2.GaussianBlur(picture, (0, 0), 1.5)
+    image, truth = view(rng, 60, 30)
+    blurred = cv2.GaussianBlur(image, (0, 0), 1.5)
     result = refine(blurred, truth.center_xy, truth.side_px)
     assert result.blur_px[0] == pytest.approx(1.5, rel=0.1)
     assert np.abs(result.xy[0] - truth.center_xy).max() < 0.02
@@ -137,20 +139,20 @@ def test_nothing_is_found_where_there_is_no_marker():
     from skimage import data
 
     rng = np.random.default_rng(10)
-    for picture in (rng.integers(0, 256, (300, 300)).astype(np.uint8), data.gravel(), np.full((99, 99), 7, np.uint8)):
-        places = rng.uniform(0, 99, (60, 2))
-        result = refine(picture, places, rng.uniform(10, 60, 60))
+    for image in (rng.integers(0, 256, (300, 300)).astype(np.uint8), data.gravel(), np.full((99, 99), 7, np.uint8)):
+        positions = rng.uniform(0, 99, (60, 2))
+        result = refine(image, positions, rng.uniform(10, 60, 60))
         assert not result.converged.any()
-        np.testing.assert_array_equal(result.xy, places)
+        np.testing.assert_array_equal(result.xy, positions)
         assert np.isnan(result.affine).all()
 
 
 def test_the_other_polarity_is_not_taken():
-    picture, truth = view(np.random.default_rng(11), 40, 0, "surf-light")
-    assert not refine(picture, truth.center_xy, truth.side_px, "surf-dark").converged[0]
+    image, truth = view(np.random.default_rng(11), 40, 0, "surf-light")
+    assert not refine(image, truth.center_xy, truth.side_px, "surf-dark").converged[0]
 
 
-def test_no_places_give_empty_columns():
+def test_no_positions_give_empty_columns():
     result = refine(np.zeros((9, 9), np.uint8), np.empty((0, 2)), 20.0)
     assert result.xy.shape == (0, 2)
     assert result.affine.shape == (0, 2, 2)
@@ -159,12 +161,12 @@ def test_no_places_give_empty_columns():
 
 def test_bytes_do_not_depend_on_the_number_of_threads():
     rng = np.random.default_rng(12)
-    picture, truth = view(rng, 40, 20)
-    places = truth.center_xy + rng.normal(0, 0.5, (8, 2))
+    image, truth = view(rng, 40, 20)
+    positions = truth.center_xy + rng.normal(0, 0.5, (8, 2))
     results = []
     for count in (1, 2):
         with threads(count):
-            results.append(refine(picture, places, truth.side_px))
+            results.append(refine(image, positions, truth.side_px))
     assert results[0].xy.tobytes() == results[1].xy.tobytes()
     assert results[0].covariance.tobytes() == results[1].covariance.tobytes()
 

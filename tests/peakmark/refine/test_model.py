@@ -3,14 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from peakmark.refine.api import PATTERNS, _pattern
+from peakmark.refine.api import PATTERNS, known_pattern
 from peakmark.refine.model import gram, pattern_points, predict, residuals, select_pixels, smooth_step
 
 angles = st.floats(0, 2 * np.pi)
 
 
-def parameters(turn=0.3, tilt=0.5, side=40.0, g=(0.05, -0.1), blur=0.2):
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+def parameters(rotation_rad=0.3, tilt=0.5, side=40.0, g=(0.05, -0.1), blur=0.2):
+    rotation = np.array([[np.cos(rotation_rad), -np.sin(rotation_rad)], [np.sin(rotation_rad), np.cos(rotation_rad)]])
     affine = side * np.diag([1.0, np.cos(tilt)]) @ rotation
     return np.r_[33.2, 30.7, affine.ravel(), g, 210.0, 20.0, blur]
 
@@ -20,19 +20,19 @@ def pixels_in_use(theta, pattern):
 
 
 @pytest.mark.parametrize("name", PATTERNS)
-@given(turn=angles, tilt=st.floats(0, 1.2), side=st.floats(14, 60), blur=st.floats(0.01, 3))
-def test_kernel_agrees_with_the_plain_model(name, turn, tilt, side, blur):
-    pattern, theta = _pattern(name, 0.05), parameters(turn, tilt, side, blur=blur)
+@given(rotation_rad=angles, tilt=st.floats(0, 1.2), side=st.floats(14, 60), blur=st.floats(0.01, 3))
+def test_kernel_agrees_with_the_plain_model(name, rotation_rad, tilt, side, blur):
+    pattern, theta = known_pattern(name, 0.05), parameters(rotation_rad, tilt, side, blur=blur)
     pixels = pixels_in_use(theta, pattern)
-    picture = np.random.default_rng(1).uniform(0, 255, (64, 64)).astype(np.float32)
-    kernel = residuals(picture, pixels, theta, pattern.lines, pattern.levels)[0]
-    plain = picture[pixels[:, 1], pixels[:, 0]] - predict(theta, pixels.astype(float), pattern)
+    image = np.random.default_rng(1).uniform(0, 255, (64, 64)).astype(np.float32)
+    kernel = residuals(image, pixels, theta, pattern.lines, pattern.levels)[0]
+    plain = image[pixels[:, 1], pixels[:, 0]] - predict(theta, pixels.astype(float), pattern)
     np.testing.assert_allclose(kernel, plain, atol=0.2)  # the kernel cuts the Gaussian at 3.5 σ
 
 
 def test_derivatives_are_those_of_the_plain_model_where_blur_is_fixed():
     """Centre, gain, offset and blur exactly; A and g up to how they change the blur, which J leaves out."""
-    pattern, theta = _pattern("surf-dark", 0.05), parameters(blur=1.0)
+    pattern, theta = known_pattern("surf-dark", 0.05), parameters(blur=1.0)
     pixels = pixels_in_use(theta, pattern)
     zeros = np.zeros((64, 64), np.float32)
     J = residuals(zeros, pixels, theta, pattern.lines, pattern.levels)[1]
@@ -43,9 +43,9 @@ def test_derivatives_are_those_of_the_plain_model_where_blur_is_fixed():
         assert np.linalg.norm(J[k] - numeric) < tolerance * np.linalg.norm(numeric), k
 
 
-@given(turn=angles, tilt=st.floats(0, 1.2), g=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)))
-def test_pattern_points_invert_the_projection(turn, tilt, g):
-    theta = parameters(turn, tilt, g=g)
+@given(rotation_rad=angles, tilt=st.floats(0, 1.2), g=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)))
+def test_pattern_points_invert_the_projection(rotation_rad, tilt, g):
+    theta = parameters(rotation_rad, tilt, g=g)
     u = np.random.default_rng(2).uniform(-0.5, 0.5, (20, 2))
     xy = theta[:2] + u @ theta[2:6].reshape(2, 2).T / (1 + u @ theta[6:8])[:, None]
     found, by_px = pattern_points(theta, xy)
@@ -61,7 +61,7 @@ def test_an_upright_sharp_pixel_sees_its_share_of_area():
 
 
 def test_selected_pixels_are_inside_and_thin_out():
-    pattern, theta = _pattern("surf-dark", 0.0), parameters()
+    pattern, theta = known_pattern("surf-dark", 0.0), parameters()
     pixels = pixels_in_use(theta, pattern)
     u = pattern_points(theta, pixels.astype(float))[0]
     assert np.abs(u).max() < 0.5

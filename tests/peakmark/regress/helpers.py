@@ -7,7 +7,8 @@ from typing import Any
 from peaksim.corpus import make_corpus
 from peaksim.corpus.spec import CorpusSpec
 
-from peakmark.regress.frame import FrameResult, MarkerResult
+from peakmark.regress.detector import DetectorSettings
+from peakmark.regress.frame import ScoredFrame, ScoredMarker
 from peakmark.regress.record import Record
 
 SMALL = {
@@ -26,41 +27,32 @@ SMALL = {
 
 
 def make_small_corpus(folder: Path) -> str:
-    """Make 20 pictures of 320×240 around markers of the floor, with sides of 80 to 168 px."""
+    """Make 20 images of 320×240 around markers of the floor, with sides of 80 to 168 px."""
     make_corpus(CorpusSpec.model_validate(SMALL), folder, str(folder / "small"))
     return str(folder / "small")
 
 
-def marker(x: float = 50.0, error: float = 0.1, side: float = 30.0, **fields: Any) -> MarkerResult:
+def marker(x: float = 50.0, error: float = 0.1, side: float = 30.0, **fields: Any) -> ScoredMarker:
     """Return a dark marker that was found `error` px right of its centre."""
     values = {"xy": (x + error, 20.0), "response": 1000.0, "polarity_is_right": True, **fields}
-    return MarkerResult(side, (x, 20.0), **values)
+    return ScoredMarker(side, (x, 20.0), **values)
 
 
-def missed(side: float = 30.0) -> MarkerResult:
+def missed(side: float = 30.0) -> ScoredMarker:
     """Return a marker that was not found."""
-    return MarkerResult(side, (50.0, 20.0))
+    return ScoredMarker(side, (50.0, 20.0))
 
 
-def frame(index: int, *markers: MarkerResult, **fields: Any) -> FrameResult:
+def frame(index: int, *markers: ScoredMarker, **fields: Any) -> ScoredFrame:
     """Return a frame with markers a, b, …."""
     named = {chr(ord("a") + i): m for i, m in enumerate(markers)}
     values = {"features": 500, "false_xy": (), "drop": 2.0, **fields}
-    return FrameResult(index, f"{index:016x}", markers=named, **values)
+    return ScoredFrame(index, f"{index:016x}", markers=named, **values)
 
 
-def record(*frames: FrameResult, **fields: Any) -> Record:
+def record(*frames: ScoredFrame, **fields: Any) -> Record:
     """Return a run's record."""
-    made = Record(
-        "made-up",
-        "0" * 64,
-        {"name": "markers", "stretch": 2.0, "parameters": {}},
-        1,
-        "exact",
-        {"peakmark": "0.1.0"},
-        {},
-        frames,
-    )
+    made = Record("made-up", "0" * 64, DetectorSettings(), 1, "exact", {"peakmark": "0.1.0"}, {}, frames)
     return replace(made, **fields)
 
 

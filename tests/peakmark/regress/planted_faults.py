@@ -1,4 +1,4 @@
-"""A suite's frames with the noise of many seeds, and what a sound finder and faulty ones make of them."""
+"""A suite's frames with the noise of many seeds, and what a sound detector and faulty ones find in them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -9,7 +9,8 @@ from peaksim.camera.sensor import apply_sensor
 from peaksim.corpus.plan import FramePlan, plan_frame
 from peaksim.rendering import render
 
-from peakmark.regress.frame import FrameResult, result_of
+from peakmark.regress.detector import DetectorSettings
+from peakmark.regress.frame import ScoredFrame, score_answer
 from peakmark.regress.record import Record
 from peakmark.regress.suite import Suite
 from peakmark.score.wanted import Wanted
@@ -32,15 +33,14 @@ def rendered(suite: Suite, frames: tuple[int, ...]) -> list[Scene]:
 
 
 def records_of(suite: Suite, scenes: list[Scene], seed: int) -> dict[str, Record]:
-    """Return the record of the sound finder, under "sound", and of each faulty one."""
+    """Return the record of the sound detector, under "sound", and of each faulty one."""
     wanted = Wanted(min_side_px=suite.table.min_side_px, kinds=suite.table.kinds)
     rows = [dict(_results(scene, seed, wanted, suite.table.tolerance_px)) for scene in scenes]
-    detector = {"stretch": 1.5, "parameters": {}}
     return {
         name: Record(
             suite.table.name,
             suite.sha256,
-            {"name": name, **detector},
+            DetectorSettings(name, stretch=1.5),
             seed,
             "exact",
             {},
@@ -51,9 +51,9 @@ def records_of(suite: Suite, scenes: list[Scene], seed: int) -> dict[str, Record
     }
 
 
-def _results(scene: Scene, seed: int, wanted: Wanted, tolerance_px: float) -> Iterator[tuple[str, FrameResult]]:
+def _results(scene: Scene, seed: int, wanted: Wanted, tolerance_px: float) -> Iterator[tuple[str, ScoredFrame]]:
     plan = replace(scene.plan, seed=seed)
     image = apply_sensor(scene.frame, plan.sensor, plan.noise()).image
-    picture = sha256(image.tobytes()).hexdigest()[:16]
+    digest = sha256(image.tobytes()).hexdigest()[:16]
     for name, found in with_faults(image).items():
-        yield name, result_of(plan.index, picture, scene.frame.truth, found, wanted, tolerance_px)
+        yield name, score_answer(plan.index, digest, scene.frame.truth, found, wanted, tolerance_px)

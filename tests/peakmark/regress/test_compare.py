@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.regress.compare import Comparison, compare
-from peakmark.regress.frame import FrameResult, MarkerResult
+from peakmark.regress.compare import Comparison, compare_records
+from peakmark.regress.frame import ScoredFrame, ScoredMarker
 from peakmark.regress.record import Record
 from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
@@ -26,22 +26,22 @@ def with_markers(change: dict[str, object], every: int = 1) -> Record:
 
 
 def test_a_run_is_the_same_as_itself() -> None:
-    comparison = compare(sound(), sound())
+    comparison = compare_records(sound(), sound())
     assert set(verdicts(comparison).values()) <= {"unknown"}
     assert comparison.faults == ()
-    assert comparison.pictures_changed == 0
+    assert comparison.images_changed == 0
 
 
 def test_missed_markers_are_worse_and_the_frames_that_show_them_are_named() -> None:
     lost = {"xy": None, "response": None, "polarity_is_right": None}
     worse = with_markers(lost, every=2)
-    comparison = compare(worse, sound())
+    comparison = compare_records(worse, sound())
     assert verdicts(comparison)["recall"] == "worse"
     (recall,) = (c for c in comparison.faults if c.metric.key == "recall")
     assert len(recall.frames) == 3
     assert all(frame % 2 == 0 for frame in recall.frames)
     assert recall.change == pytest.approx(-0.25)
-    better = compare(sound(), worse)
+    better = compare_records(sound(), worse)
     assert verdicts(better)["recall"] == "better"
     assert not better.faults
 
@@ -57,7 +57,7 @@ def test_missed_markers_are_worse_and_the_frames_that_show_them_are_named() -> N
     ],
 )
 def test_what_changed_of_markers_is_told(change: dict[str, object], key: str, verdict: str) -> None:
-    assert verdicts(compare(with_markers(change), sound()))[key] == verdict
+    assert verdicts(compare_records(with_markers(change), sound()))[key] == verdict
 
 
 @pytest.mark.parametrize(
@@ -71,17 +71,20 @@ def test_what_changed_of_markers_is_told(change: dict[str, object], key: str, ve
 )
 def test_what_changed_of_frames_is_told(change: dict[str, object], key: str, verdict: str) -> None:
     after = replace(sound(), results=tuple(replace(f, **change) for f in sound().results))  # type: ignore[arg-type]
-    assert verdicts(compare(after, sound()))[key] == verdict
+    assert verdicts(compare_records(after, sound()))[key] == verdict
 
 
 def test_frames_without_an_answer_are_worse() -> None:
     after = [replace(f, failure="timeout", markers={"a": missed()}) if f.frame % 2 else f for f in sound().results]
-    assert verdicts(compare(replace(sound(), results=tuple(after)), sound()))["frames without an answer"] == "worse"
+    assert (
+        verdicts(compare_records(replace(sound(), results=tuple(after)), sound()))["frames without an answer"]
+        == "worse"
+    )
 
 
 def test_a_change_within_the_tolerance_or_in_one_frame_is_none() -> None:
-    assert compare(with_markers({"xy": (50.05, 20.0)}), sound()).faults == ()
-    assert compare(with_markers({"response": 100.0}, every=20), sound()).faults == ()
+    assert compare_records(with_markers({"xy": (50.05, 20.0)}), sound()).faults == ()
+    assert compare_records(with_markers({"response": 100.0}, every=20), sound()).faults == ()
 
 
 def test_chance_raises_no_alarm() -> None:
@@ -101,17 +104,17 @@ def test_chance_raises_no_alarm() -> None:
             )
         )
 
-    def noisy_marker() -> MarkerResult:
+    def noisy_marker() -> ScoredMarker:
         found = marker(error=rng.normal(0, 0.2), response=float(rng.lognormal(7, 0.1)))
         return found if rng.random() > 0.02 else missed()
 
-    alarms = [c for _ in range(30) for c in compare(noisy(), noisy()).faults]
+    alarms = [c for _ in range(30) for c in compare_records(noisy(), noisy()).faults]
     assert len(alarms) <= 1
 
 
 def test_what_no_frame_tells_is_unknown() -> None:
-    silent = record(*(FrameResult(i, "x", markers={"a": missed()}) for i in range(3)))
-    assert verdicts(compare(silent, silent))["false detections"] == "unknown"
+    silent = record(*(ScoredFrame(i, "x", markers={"a": missed()}) for i in range(3)))
+    assert verdicts(compare_records(silent, silent))["false detections"] == "unknown"
 
 
 @pytest.mark.parametrize(
@@ -124,5 +127,5 @@ def test_what_no_frame_tells_is_unknown() -> None:
 )
 def test_unlike_things_are_not_compared(change: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        compare(sound(), replace(sound(), **change))  # type: ignore[arg-type]
+        compare_records(sound(), replace(sound(), **change))  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)

@@ -1,14 +1,17 @@
-"""Finders in processes: users' functions, OpenCV's features and programs; the bad ones fail on their image alone."""
+"""Detectors in processes: users' functions, OpenCV's features and programs; the bad ones fail on their image alone."""
 
+import os
 import sys
+import tempfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.regress.detector_process import command_of, run_process
-from peakmark.regress.detector_protocol import FinderFailure
+from peakmark.regress.detector_process import command_of, open_process
+from peakmark.regress.detector_protocol import DetectorFailure
 from tests.peaksim.corpus.helpers import child_environment
 
 SPOT = np.full((40, 60), 20, np.uint8)
@@ -22,39 +25,37 @@ def children_find_this_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_users_function_of_key_points_with_parameters() -> None:
-    with run_process("tests.user_detectors:brightest", {"size": 9.0}, 10, 30) as find:
+    with open_process("tests.user_detectors:brightest", {"size": 9.0}, 10, 30) as detect:
         for _ in range(3):
-            found = find(SPOT)
+            found = detect(SPOT)
             assert found.detections is None
             assert found.features.xy.tolist() == [[33, 11]]
             assert (found.features.size[0], found.features.response[0]) == (9, 250)
 
 
 def test_a_users_function_of_detections() -> None:
-    with run_process("tests.user_detectors:detection", {}, 10, 30) as find:
-        (detection,) = find(SPOT).detections or ()
+    with open_process("tests.user_detectors:detection", {}, 10, 30) as detect:
+        (detection,) = detect(SPOT).detections or ()
     assert detection.xy.tolist() == [33, 11]
     assert (detection.polarity, detection.size, detection.response) == ("light", 5.0, 7.5)
     assert (detection.signature_distance, detection.rank) == (0.25, 3)
 
 
 def test_a_users_function_of_both() -> None:
-    with run_process("tests.user_detectors:everything", {}, 10, 30) as find:
-        found = find(SPOT)
+    with open_process("tests.user_detectors:everything", {}, 10, 30) as detect:
+        found = detect(SPOT)
     assert len(found.features) == len(found.detections or ()) == 1
 
 
 def test_what_a_function_prints_is_no_answer() -> None:
-    with run_process("tests.user_detectors:chatty", {}, 10, 30) as find:
-        assert [len(find(SPOT).features) for _ in range(2)] == [1, 1]
+    with open_process("tests.user_detectors:chatty", {}, 10, 30) as detect:
+        assert [len(detect(SPOT).features) for _ in range(2)] == [1, 1]
 
 
 def test_any_feature_of_opencv() -> None:
-    import cv2
-
     noise = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
-    with run_process("cv2:ORB", {"nfeatures": 50}, 10, 30) as find:
-        found = find(noise).features
+    with open_process("cv2:ORB", {"nfeatures": 50}, 10, 30) as detect:
+        found = detect(noise).features
     expected = cv2.ORB_create(nfeatures=50).detect(noise, None)
     assert sorted(map(tuple, found.xy.tolist())) == sorted(point.pt for point in expected)
     assert (np.diff(found.response) <= 0).all()
@@ -70,20 +71,20 @@ def test_any_feature_of_opencv() -> None:
     ],
 )
 def test_a_fault_costs_one_image_and_no_more(function: str, words: str) -> None:
-    with run_process(f"tests.user_detectors:{function}", {}, 2, 30) as find:
-        find(SPOT)
-        with pytest.raises(FinderFailure, match=words) as caught:
-            find(DARK)
+    with open_process(f"tests.user_detectors:{function}", {}, 2, 30) as detect:
+        detect(SPOT)
+        with pytest.raises(DetectorFailure, match=words) as caught:
+            detect(DARK)
         assert "\n" not in str(caught.value)
-        assert find(SPOT).features.xy.tolist() == [[33, 11]]
+        assert detect(SPOT).features.xy.tolist() == [[33, 11]]
 
 
 def test_what_is_no_result_is_an_error() -> None:
     with (
-        run_process("tests.user_detectors:wrong_type", {}, 10, 30) as find,
-        pytest.raises(FinderFailure, match=r"error: InputError: .*expected Keypoints.*got dict"),
+        open_process("tests.user_detectors:wrong_type", {}, 10, 30) as detect,
+        pytest.raises(DetectorFailure, match=r"error: InputError: .*expected Keypoints.*got dict"),
     ):
-        find(SPOT)
+        detect(SPOT)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ def test_what_is_no_result_is_an_error() -> None:
 )
 def test_what_cannot_be_started_is_one_line(name: str, words: str) -> None:
     def start() -> None:
-        with run_process(name, {}, 10, 30):
+        with open_process(name, {}, 10, 30):
             pass
 
     with pytest.raises(InputError, match=words) as caught:
@@ -123,16 +124,16 @@ for line in sys.stdin:
 
 
 def program(folder: Path, fault: str = "pass") -> str:
-    """Return the name of a finder that is a program, with a fault on its first image."""
-    path = folder / "it's a finder.py"
+    """Return the name of a detector that is a program, with a fault on its first image."""
+    path = folder / "it's a detector.py"
     path.write_text(PROGRAM.replace("{FAULT}", fault))
     return f'exec:{sys.executable} "{path}"'
 
 
 def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
-    with run_process(program(tmp_path), {}, 10, 30) as find:
+    with open_process(program(tmp_path), {}, 10, 30) as detect:
         for _ in range(2):
-            (detection,) = find(SPOT).detections or ()
+            (detection,) = detect(SPOT).detections or ()
             assert (*detection.xy, detection.polarity) == (3, 4.5, "dark")
 
 
@@ -156,21 +157,22 @@ def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
 def test_a_programs_fault_costs_one_image(tmp_path: Path, fault: str, words: str) -> None:
     mark = tmp_path / "seen"
     once = f"import os\n    if not os.path.exists({str(mark)!r}):\n        open({str(mark)!r}, 'w'); {fault}"
-    with run_process(program(tmp_path, once), {}, 2, 2) as find:
-        with pytest.raises(FinderFailure, match=words):
-            find(SPOT)
-        assert find(SPOT).detections
+    with open_process(program(tmp_path, once), {}, 2, 2) as detect:
+        with pytest.raises(DetectorFailure, match=words):
+            detect(SPOT)
+        assert detect(SPOT).detections
 
 
-def test_nothing_is_left_behind(tmp_path: Path) -> None:
-    with run_process("tests.user_detectors:brightest", {}, 10, 30) as find:
-        find(SPOT)
-        process = find._process
-        assert process is not None
-        folder = find._folder
-        assert sorted(p.name for p in folder.iterdir()) == ["stderr.txt"]
-    assert not folder.exists()
-    assert process.poll() is not None
+def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with open_process("tests.user_detectors:process_id", {}, 10, 30) as detect:
+        process = int(detect(SPOT).features.response[0])
+        os.kill(process, 0)  # asks whether it lives
+        (folder,) = tmp_path.iterdir()
+        assert [path.name for path in folder.iterdir()] == ["stderr.txt"]
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
 
 
 def test_no_shell_reads_a_programs_name() -> None:

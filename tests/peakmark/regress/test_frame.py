@@ -1,6 +1,7 @@
-"""Scoring one frame: what was asked for, found and wrongly found; written and read back alike."""
+"""Scoring one frame: what was wanted, found and wrongly found; written and read back alike."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from peaksim.camera.frame import MarkerTruth
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.regress.detector_protocol import Found
-from peakmark.regress.frame import FrameResult, failed, from_plain, result_of, strongest_at_markers
+from peakmark.regress.frame import ScoredFrame, from_plain, score_answer, score_failure, strongest_at_markers
 from peakmark.score.wanted import Wanted
 
 WANTED = Wanted(min_side_px=14.0, kinds=("surf",))
@@ -43,8 +44,8 @@ SCENE = (
 )
 
 
-def test_what_is_large_visible_and_of_the_kinds_is_asked_for() -> None:
-    result = result_of(3, "abc", SCENE, Found(Keypoints.empty(), ()), WANTED, TOLERANCE_PX)
+def test_what_is_large_visible_and_of_the_kinds_is_wanted() -> None:
+    result = score_answer(3, "abc", SCENE, Found(Keypoints.empty(), ()), WANTED, TOLERANCE_PX)
     assert (result.frame, result.picture, list(result.markers)) == (3, "abc", ["near", "light"])
     assert all(m.xy is None and m.polarity_is_right is None for m in result.markers.values())
     assert result.markers["near"].true_xy == (100.0, 50.0)
@@ -53,7 +54,7 @@ def test_what_is_large_visible_and_of_the_kinds_is_asked_for() -> None:
 
 def test_found_wrong_and_false_are_told_apart() -> None:
     detections = (detection(101), detection(199, "dark"), detection(300), detection(400), detection(77))
-    result = result_of(0, "", SCENE, Found(Keypoints.empty(), detections), WANTED, TOLERANCE_PX)
+    result = score_answer(0, "", SCENE, Found(Keypoints.empty(), detections), WANTED, TOLERANCE_PX)
     assert result.markers["near"].xy == (101.0, 50.0)
     assert result.markers["near"].polarity_is_right is True
     assert result.markers["light"].polarity_is_right is False
@@ -62,7 +63,7 @@ def test_found_wrong_and_false_are_told_apart() -> None:
 
 def test_a_detector_that_does_not_identify_is_scored_by_its_strongest_point_at_the_centre() -> None:
     kp = features((250, 900, 1), (102, 800, 1), (100, 700, -1), (201, 600, -1))
-    result = result_of(0, "", SCENE, Found(kp, None), WANTED, TOLERANCE_PX)
+    result = score_answer(0, "", SCENE, Found(kp, None), WANTED, TOLERANCE_PX)
     assert result.markers["near"].xy == (102.0, 50.0)
     assert result.markers["light"].polarity_is_right is True
     assert result.false_xy is None
@@ -71,14 +72,14 @@ def test_a_detector_that_does_not_identify_is_scored_by_its_strongest_point_at_t
 
 
 def test_a_failure_misses_every_marker() -> None:
-    result = failed(0, "", SCENE, "crash: it ended with status 7", WANTED)
+    result = score_failure(0, "", SCENE, "crash: it ended with status 7", WANTED)
     assert [m.xy for m in result.markers.values()] == [None, None]
     assert result.failure == "crash: it ended with status 7"
 
 
 @pytest.mark.parametrize("found", [Found(features((100, 800, 1)), None), Found(Keypoints.empty(), (detection(100),))])
 def test_results_are_read_back_as_they_were(found: Found) -> None:
-    result = result_of(0, "", SCENE, found, WANTED, TOLERANCE_PX)
-    again = from_plain(json.loads(json.dumps(result.to_plain())))
+    result = score_answer(0, "", SCENE, found, WANTED, TOLERANCE_PX)
+    again = from_plain(json.loads(json.dumps(asdict(result))))
     assert again == result
-    assert isinstance(again, FrameResult)
+    assert isinstance(again, ScoredFrame)

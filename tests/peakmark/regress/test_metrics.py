@@ -5,18 +5,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from peakmark.regress.frame import FrameResult
-from peakmark.regress.metrics import Metric, metrics_of, percentile_interval, resample_counts
+from peakmark.regress.frame import ScoredFrame
+from peakmark.regress.metrics import Metric, metrics_of
+from peakmark.score.statistics import resample_counts
 from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
 FRAMES = (
     frame(0, marker(error=0.3), missed(60.0), false_xy=((1.0, 2.0), (3.0, 4.0)), drop=4.0, features=100),
     frame(1, marker(error=-0.1, polarity_is_right=False, response=250.0), false_xy=(), drop=1.0, features=300),
-    FrameResult(2, "2", failure="crash: it ended", markers={"a": missed(300.0)}),
+    ScoredFrame(2, "2", failure="crash: it ended", markers={"a": missed(300.0)}),
 )
 
 
-def values(*frames: FrameResult) -> dict[str, float | None]:
+def values(*frames: ScoredFrame) -> dict[str, float | None]:
     return {metric.key: metric.value() for metric in metrics_of(frames, {})}
 
 
@@ -43,7 +44,7 @@ def test_every_figure_is_what_it_is_by_hand() -> None:
 
 
 def test_the_list_is_the_same_whatever_was_found() -> None:
-    nothing = [FrameResult(0, "0")]
+    nothing = [ScoredFrame(0, "0")]
     assert list(values(*nothing)) == list(values(*FRAMES))
     assert values(*nothing)["recall"] is None
 
@@ -62,12 +63,6 @@ def test_resampling_by_counts_is_resampling_by_hand(pairs: list[tuple[float, flo
     assert metric.resampled(counts[None])[0] == pytest.approx(a[taken].sum() / b[taken].sum())
 
 
-def test_counts_take_as_many_frames_as_there_are() -> None:
-    counts = resample_counts(7)
-    assert (counts.sum(axis=1) == 7).all()
-    assert np.array_equal(counts, resample_counts(7))
-
-
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     rng, counts = np.random.default_rng(1), resample_counts(60)[:1000]
     held = 0
@@ -76,11 +71,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         low, high = Metric("m", "", "same", 0, False, "mean", errors, np.ones(60)).interval(counts) or (9, 9)
         held += low <= 0.2 <= high
     assert 0.88 <= held / 200 <= 0.99
-
-
-def test_an_interval_of_figures_that_mostly_are_not_there_is_none() -> None:
-    assert percentile_interval(np.array([1.0] * 90 + [np.nan] * 10), 0.95) is None
-    assert percentile_interval(np.array([1.0] * 99 + [np.nan]), 0.95) == (1.0, 1.0)
 
 
 def test_metrics_have_different_keys_and_known_directions() -> None:

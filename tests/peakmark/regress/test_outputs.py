@@ -1,4 +1,4 @@
-"""What machines and people are told: JUnit XML that parses, Markdown that shows names as they are, plain JSON."""
+"""A comparison for machines and people: JUnit XML that parses, Markdown that shows names as they are, plain JSON."""
 
 import json
 from dataclasses import replace
@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from peakmark.regress.compare import Comparison, compare
+from peakmark.regress.compare import Comparison, compare_records
 from peakmark.regress.outputs import escaped, junit_xml, markdown, plain, sentence
 from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
@@ -16,7 +16,9 @@ EVIL = '<script>alert("1")</script> | [x](javascript:1) `'
 @pytest.fixture
 def worse() -> Comparison:
     after = record(*(frame(i, missed(), marker(90.0, side=60.0)) for i in range(20)))
-    return compare(replace(after, suite=EVIL, detector={**after.detector, "name": EVIL}), replace(sound(), suite=EVIL))
+    return compare_records(
+        replace(after, suite=EVIL, detector=replace(after.detector, name=EVIL)), replace(sound(), suite=EVIL)
+    )
 
 
 def test_junit_has_a_case_a_metric_and_a_failure_a_fault(worse: Comparison) -> None:
@@ -42,7 +44,7 @@ def test_markdown_has_a_row_a_metric_and_shows_evil_names_as_they_are(worse: Com
 
 
 def test_markdown_of_no_regression_says_so() -> None:
-    assert markdown(compare(sound(), sound())).startswith("## made-up: no regression\n")
+    assert markdown(compare_records(sound(), sound())).startswith("## made-up: no regression\n")
 
 
 def test_a_sentence_says_figure_change_tolerance_and_frames(worse: Comparison) -> None:

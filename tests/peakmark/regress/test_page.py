@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from peakmark.regress.compare import Comparison, compare
+from peakmark.regress.compare import Comparison, compare_records
 from peakmark.regress.page import draw_result, summary, write_page
-from peakmark.regress.run import PICTURE
+from peakmark.regress.run import IMAGE_NAME
 from peakmark.report.overlay import FALSE, FOUND, MISSED
 from tests.peakmark.regress.helpers import frame, marker, missed, record, sound
 
@@ -33,14 +33,14 @@ class Tags(HTMLParser):
 @pytest.fixture
 def worse() -> Comparison:
     after = record(*(frame(i, missed(), marker(90.0, side=60.0)) for i in range(20)))
-    evil = {**after.detector, "name": EVIL}
-    return compare(replace(after, suite=EVIL, detector=evil), replace(sound(), suite=EVIL))
+    evil = replace(after.detector, name=EVIL)
+    return compare_records(replace(after, suite=EVIL, detector=evil), replace(sound(), suite=EVIL))
 
 
 @pytest.fixture
 def page(worse: Comparison, tmp_path: Path) -> str:
     for i in range(20):
-        Image.fromarray(np.full((48, 120), 90, np.uint8)).save(tmp_path / PICTURE.format(i))
+        Image.fromarray(np.full((48, 120), 90, np.uint8)).save(tmp_path / IMAGE_NAME.format(i))
     write_page(tmp_path / "report.html", worse, tmp_path)
     return (tmp_path / "report.html").read_text(encoding="utf-8")
 
@@ -73,8 +73,8 @@ def test_figures_have_their_data(page: str) -> None:
     assert page.count("<summary>Data</summary>") == page.count("image/svg+xml") == 2
 
 
-def test_without_pictures_and_faults_there_is_still_a_page(tmp_path: Path) -> None:
-    write_page(tmp_path / "report.html", compare(sound(), sound()), tmp_path / "nowhere")
+def test_without_images_and_faults_there_is_still_a_page(tmp_path: Path) -> None:
+    write_page(tmp_path / "report.html", compare_records(sound(), sound()), tmp_path / "nowhere")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "No regression." in page
     assert "figcaption>Frame" not in page

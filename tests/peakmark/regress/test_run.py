@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.regress.compare import compare
+from peakmark.regress.compare import compare_records
 from peakmark.regress.record import Record, to_text
 from peakmark.regress.run import Run, run_suite
 from peakmark.regress.suite import Suite, load_suite
@@ -30,15 +30,15 @@ def suite(tmp_path_factory: pytest.TempPathFactory) -> Suite:
 
 @pytest.fixture(scope="module")
 def baseline(suite: Suite) -> Record:
-    return run_suite(suite, suite.finder(**PARAMETERS)).record
+    return run_suite(suite, suite.detector(**PARAMETERS)).record
 
 
 def run(suite: Suite, quick: bool = False, **settings: object) -> Run:
-    return run_suite(suite, suite.finder(**{**PARAMETERS, **settings}), quick=quick)
+    return run_suite(suite, suite.detector(**{**PARAMETERS, **settings}), quick=quick)
 
 
 def faults(after: Record, before: Record) -> set[str]:
-    return {change.metric.key for change in compare(after, before).faults}
+    return {change.metric.key for change in compare_records(after, before).faults}
 
 
 def test_the_sound_detector_finds_nearly_everything_and_is_the_same_again(suite: Suite, baseline: Record) -> None:
@@ -97,12 +97,12 @@ def test_a_detector_that_gives_no_answers_stops_the_run_in_one_line(suite: Suite
 
 def test_frames_of_a_corpus_have_their_noise(suite: Suite) -> None:
     with pytest.raises(InputError, match="--seed 5: expected none for frames that are read from a corpus"):
-        run_suite(suite, suite.finder(**PARAMETERS), seed=5)
+        run_suite(suite, suite.detector(**PARAMETERS), seed=5)
 
 
 def test_reading_a_corpus_is_rendering_it(suite: Suite, baseline: Record, tmp_path: Path) -> None:
     table = suite.table.model_copy(update={"quick_frames": 3})
-    quick = run_suite(Suite(table, Path()), suite.finder(**PARAMETERS), quick=True, pictures=tmp_path).record
+    quick = run_suite(Suite(table, Path()), suite.detector(**PARAMETERS), quick=True, images=tmp_path).record
     by_frame = {result.frame: result for result in baseline.results}
     assert [by_frame[result.frame] for result in quick.results] == list(quick.results)
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"{r.frame:08d}.jpg" for r in quick.results]
@@ -111,7 +111,7 @@ def test_reading_a_corpus_is_rendering_it(suite: Suite, baseline: Record, tmp_pa
 def test_another_seed_is_other_noise_on_the_same_views(suite: Suite) -> None:
     table = suite.table.model_copy(update={"quick_frames": 2})
     one, two = (
-        run_suite(Suite(table, Path()), suite.finder(**PARAMETERS), quick=True, seed=seed).record for seed in (1, 2)
+        run_suite(Suite(table, Path()), suite.detector(**PARAMETERS), quick=True, seed=seed).record for seed in (1, 2)
     )
     for a, b in zip(one.results, two.results, strict=True):
         assert a.picture != b.picture

@@ -49,11 +49,11 @@ def test_the_detector_and_tolerances_are_no_part_of_what_a_baseline_must_match(t
 
 def test_the_suites_parameters_are_for_its_own_detector(tmp_path: Path) -> None:
     suite = suite_of(tmp_path, MINIMAL + "[detector]\nname = 'surf'\nparameters = { threshold = 50 }\n")
-    assert suite.finder().parameters == {"threshold": 50}
-    assert suite.finder(parameters={"octaves": 3}).parameters == {"threshold": 50, "octaves": 3}
-    assert suite.finder(name="sift").parameters == {}
-    assert suite.finder(name="sift", parameters={"octaves": 3}).parameters == {"octaves": 3}
-    assert suite.finder(stretch=None).stretch == 2.0
+    assert suite.detector().parameters == {"threshold": 50}
+    assert suite.detector(parameters={"octaves": 3}).parameters == {"threshold": 50, "octaves": 3}
+    assert suite.detector(name="sift").parameters == {}
+    assert suite.detector(name="sift", parameters={"octaves": 3}).parameters == {"octaves": 3}
+    assert suite.detector(stretch=None).stretch == 2.0
 
 
 @pytest.mark.parametrize(

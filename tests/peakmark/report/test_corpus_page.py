@@ -1,4 +1,4 @@
-"""Pictures of a corpus with its truth drawn in, the page of them, and the recording for Rerun."""
+"""Images of a corpus with its truth drawn in, the page of them, and the recording for Rerun."""
 
 from pathlib import Path
 
@@ -13,22 +13,22 @@ from tests.peaksim.corpus.helpers import tiny_spec, write_tiny_scene
 
 @pytest.fixture(scope="module")
 def corpus(tmp_path_factory: pytest.TempPathFactory) -> str:
-    place = tmp_path_factory.mktemp("show")
-    make_corpus(tiny_spec(), write_tiny_scene(place / "specs"), str(place / "c"))
-    return str(place / "c")
+    folder = tmp_path_factory.mktemp("show")
+    make_corpus(tiny_spec(), write_tiny_scene(folder / "specs"), str(folder / "c"))
+    return str(folder / "c")
 
 
 def test_points_are_drawn_where_the_record_has_them(corpus: str) -> None:
     made, drawn = open_corpus(corpus), 0
     for frame in range(len(made)):
         record = made.record(frame)
-        picture = draw_truth(made.picture(frame), record)
-        scale = picture.shape[1] // 64
-        assert picture.shape == (48 * scale, 64 * scale, 3)
+        image = draw_truth(made.picture(frame), record)
+        scale = image.shape[1] // 64
+        assert image.shape == (48 * scale, 64 * scale, 3)
         for marker in record["markers"]:
             if marker["points_seen"][0] == 2:
                 x, y = (round((value + 0.5) * scale - 0.5) for value in marker["points_xy"][0])
-                assert picture[y, x].tolist() == [60, 220, 60]
+                assert image[y, x].tolist() == [60, 220, 60]
                 drawn += 1
     assert drawn >= 12
 
@@ -53,7 +53,7 @@ def test_a_frame_that_is_not_there_is_one_line(corpus: str, tmp_path: Path) -> N
     assert not (tmp_path / "out").exists()
 
 
-def test_a_recording_holds_every_frame_with_pictures_and_points(corpus: str, tmp_path: Path) -> None:
+def test_a_recording_holds_every_frame_with_images_and_points(corpus: str, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     chunk = pytest.importorskip("rerun.chunk", reason="this rerun cannot read recordings")
     frames = [2, 5, 11]
@@ -70,8 +70,8 @@ def test_a_recording_holds_every_frame_with_pictures_and_points(corpus: str, tmp
         pose = np.array(record["world_from_camera"])
         assert np.allclose(row["Transform3D:translation"], pose[None, :3, 3], atol=1e-6)
         assert np.allclose(row["Transform3D:mat3x3"], pose[:3, :3].T.reshape(1, 9), atol=1e-6)  # column by column
-    pictures = [row for row in rows["/world/camera/picture"] if row.get("Image:buffer") is not None]
-    for row, frame in zip(pictures, frames, strict=True):
+    images = [row for row in rows["/world/camera/picture"] if row.get("Image:buffer") is not None]
+    for row, frame in zip(images, frames, strict=True):
         assert bytes(row["Image:buffer"][0]) == open_corpus(corpus).picture(frame).tobytes()  # type: ignore[index]
 
 

@@ -1,4 +1,4 @@
-"""Films decode to the pictures that went in."""
+"""Films decode to the images that went in."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import numpy as np
 from peakmark.report.film import film
 
 
-def test_pictures_come_back_in_order_scaled_and_in_colour(tmp_path: Path) -> None:
+def test_images_come_back_in_order_scaled_and_in_colour(tmp_path: Path) -> None:
     colours = [(200, 30, 30), (30, 200, 30), (30, 30, 200)]
     with film(tmp_path / "f.mp4", 5, 65) as append:
         for colour in colours:

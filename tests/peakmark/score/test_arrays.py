@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from peaksim import load_scene
 from peaksim.camera.frame import MarkerTruth
-from peaksim.camera.shutter import still
+from peaksim.camera.shutter import still_camera
 from peaksim.geometry.pose import invert, transform
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
@@ -20,7 +20,7 @@ from peakmark.score.wanted import polarity_of
 CAVE = load_scene("cave")
 PRINTED = printed_arrays(CAVE.scene)
 POSE = CAVE.trajectory.at(0.0)
-TRUTH = marker_truth(CAVE.scene, still(CAVE.camera, POSE))
+TRUTH = marker_truth(CAVE.scene, still_camera(CAVE.camera, POSE))
 
 
 def reading(printed: PrintedArray, code: int | None, shift_px: float = 0.0) -> MarkerArray:
@@ -74,7 +74,7 @@ def test_right_wrong_unsure_and_missed() -> None:
 
 
 @pytest.mark.parametrize(("shift", "wrong"), [(0.2, 0), (0.3, 1)])
-def test_a_right_code_at_a_wrong_place_is_wrong(shift: float, wrong: int) -> None:
+def test_a_right_code_at_a_wrong_position_is_wrong(shift: float, wrong: int) -> None:
     side = next(t.side_px for t in TRUTH if t.name.startswith("array3."))
     assert score([reading(named("array3"), 3, shift * side)]).wrong == wrong
 
@@ -84,13 +84,13 @@ def test_a_code_read_twice_counts_once() -> None:
 
 
 @pytest.mark.parametrize("change", [{"visible_fraction": 0.9}, {"side_px": 19.0}, {"tilt_deg": 46.0}])
-def test_hidden_small_and_steep_arrays_are_not_asked_for(change: dict[str, float]) -> None:
+def test_hidden_small_and_steep_arrays_need_not_be_read(change: dict[str, float]) -> None:
     truth = tuple(replace(t, **change) if t.name == "array3.r0c1" else t for t in TRUTH)  # type: ignore[arg-type]
     assert score([], truth).in_view == ("array5",)
     assert score([reading(named("array3"), 3)], truth).wrong == 0
 
 
-def test_an_array_whose_blank_corner_the_border_cuts_is_not_asked_for() -> None:
+def test_an_array_whose_blank_corner_the_border_cuts_need_not_be_read() -> None:
     (x, y) = CAVE.camera.project(transform(invert(POSE), named("array3").corners_m))[0]
     camera = replace(CAVE.camera, cx=CAVE.camera.cx - x - 1)
     shifted = tuple(replace(t, center_xy=t.center_xy - [x + 1, 0]) for t in TRUTH)

@@ -64,7 +64,7 @@ def test_clutter_above_the_last_marker_is_counted_and_the_drop_falls_below_one()
     assert score.response_drop == pytest.approx(0.5)
 
 
-def test_a_partly_visible_marker_is_neither_asked_for_nor_wrong() -> None:
+def test_a_partly_visible_marker_is_neither_required_nor_wrong() -> None:
     score = score_frame([truth("cut", 50, 50, 0.5)], [detection(0, 50, 51, 1)], features((50, 51, 10)))
     assert (score.wanted, score.found, score.false_detections) == (0, 0, 0)
     assert score.matches == {"cut": 0}
@@ -90,19 +90,22 @@ def test_the_tolerance_is_three_pixels(offset: float, found: int) -> None:
 
 
 def test_bias_and_rms_of_known_errors() -> None:
-    place = localisation(np.array([[3.0, 4.0], [3.0, 4.0], [-3.0, 4.0], [-3.0, 4.0]]))
-    assert place.bias == pytest.approx(4.0)
-    assert place.rms == pytest.approx(5.0)
-    assert place.p95 == pytest.approx(5.0)
+    summary = localisation(np.array([[3.0, 4.0], [3.0, 4.0], [-3.0, 4.0], [-3.0, 4.0]]))
+    assert summary.bias == pytest.approx(4.0)
+    assert summary.rms == pytest.approx(5.0)
+    assert summary.p95 == pytest.approx(5.0)
 
 
 def readable(
-    markers: list[MarkerTruth], *places: tuple[float, float], polarity: Polarity = "dark", signature: Polarity = "dark"
+    markers: list[MarkerTruth],
+    *positions: tuple[float, float],
+    polarity: Polarity = "dark",
+    signature: Polarity = "dark",
 ) -> Score:
     """Score detections of a polarity, whose key points have the signature of one, by what must be readable."""
-    points = some_keypoints(max(len(places), 1), 64)
+    points = some_keypoints(max(len(positions), 1), 64)
     descriptors = np.tile(reference_descriptor(signature, is_on_paper=True), (len(points), 1))
-    found = [replace(detection(k, x, y, k + 1), polarity=polarity) for k, (x, y) in enumerate(places)]
+    found = [replace(detection(k, x, y, k + 1), polarity=polarity) for k, (x, y) in enumerate(positions)]
     return score_frame(markers, found, replace(points, descriptors=descriptors), READABLE)
 
 
@@ -116,7 +119,7 @@ def test_found_missed_and_false() -> None:
     assert (score.polarity_errors, score.signature_errors) == (0, 0)
 
 
-def test_polarity_by_laplacian_and_by_signature_are_told_apart() -> None:
+def test_polarity_by_laplacian_and_by_signature_are_counted_apart() -> None:
     wrong_sign = readable([truth("a", 100, 100)], (100, 100), polarity="light")
     assert (wrong_sign.polarity_errors, wrong_sign.signature_errors) == (1, 0)
     wrong_signature = readable([truth("a", 100, 100)], (100, 100), signature="light")

@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest, norm
 
-from peakmark.score.statistics import Rate, pooled, quantiles, rate, recall_by, wilson
+from peakmark.score.statistics import (
+    Rate,
+    percentile_interval,
+    pooled,
+    quantiles,
+    rate,
+    recall_by,
+    resample_counts,
+    wilson,
+)
 
 
 @given(trials=st.integers(1, 2000), share=st.floats(0, 1))
@@ -57,7 +66,7 @@ def test_quantiles_leave_out_what_is_not_known() -> None:
     assert found[99] is None
 
 
-def test_quantiles_of_nothing_are_none_and_make_rows_of_blanks() -> None:
+def test_quantiles_of_nothing_are_none_and_make_rows_of_empty_cells() -> None:
     found = quantiles([np.nan], (50, 99))
     assert found.to_plain() == {"p50": None, "p99": None, "of": 0}
     assert found.rows("error") == [("error: p50", None, None, None, 0), ("error: p99", None, None, None, 0)]
@@ -85,3 +94,14 @@ def test_recall_by_bins_counts_edges_once_and_leaves_empty_bins_out() -> None:
     assert [row.recall for row in rows] == [rate(1, 2), rate(1, 1), rate(2, 2)]
     assert [row.error_px[50] for row in rows] == [1.0, 2.0, 4.0]
     assert recall_by((0, 10, 20), [15.0], [np.nan])[0].recall == rate(0, 1)
+
+
+def test_counts_take_as_many_cases_as_there_are() -> None:
+    counts = resample_counts(7)
+    assert (counts.sum(axis=1) == 7).all()
+    assert np.array_equal(counts, resample_counts(7))
+
+
+def test_an_interval_of_values_that_are_mostly_missing_is_none() -> None:
+    assert percentile_interval(np.array([1.0] * 90 + [np.nan] * 10), 0.95) is None
+    assert percentile_interval(np.array([1.0] * 99 + [np.nan]), 0.95) == (1.0, 1.0)

@@ -1,4 +1,4 @@
-"""What is asked for: every limit is itself allowed, and stretching makes markers larger."""
+"""What must be found: every limit is itself allowed, and stretching makes markers larger."""
 
 from dataclasses import replace
 
@@ -43,5 +43,5 @@ def test_a_stretch_by_rows_enlarges_a_marker_by_the_root_of_its_rows_factor() ->
     assert Wanted(min_side_px=30.0, stretch=rows).includes(below)
 
 
-def test_the_kind_tells_the_polarity() -> None:
+def test_the_kind_names_the_polarity() -> None:
     assert [polarity_of(kind) for kind in ("surf-dark", "surf-range-light")] == ["dark", "light"]

@@ -60,7 +60,7 @@ def compare(theirs: Keypoints, ours: Keypoints) -> Parity:
     """Pair key points of the same size, octave and Laplacian within 0.01 px, each at most once."""
     pairs = np.array(_pair(theirs, ours), dtype=np.intp).reshape(-1, 2)
     a, b = theirs[pairs[:, 0]], ours[pairs[:, 1]]
-    turn = np.abs(a.angle.astype(np.float64) - b.angle) % 360
+    angle = np.abs(a.angle.astype(np.float64) - b.angle) % 360
     none = np.zeros(0)
     return Parity(
         theirs=len(theirs),
@@ -68,7 +68,7 @@ def compare(theirs: Keypoints, ours: Keypoints) -> Parity:
         pairs=pairs,
         shift_px=np.abs(a.xy.astype(np.float64) - b.xy).max(axis=1, initial=0),
         response_relative=np.abs(a.response.astype(np.float64) / b.response - 1),
-        angle_deg=np.minimum(turn, 360 - turn),
+        angle_deg=np.minimum(angle, 360 - angle),
         descriptor=none
         if a.descriptors is None or b.descriptors is None
         else np.linalg.norm(a.descriptors.astype(np.float64) - b.descriptors, axis=1),

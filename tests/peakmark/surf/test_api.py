@@ -47,7 +47,7 @@ def test_a_mask_has_opencvs_meaning(kind: type) -> None:
     ],
     ids=["column-major", "view", "strided", "one channel", "RGB", "RGBA", "uint16", "float64", "float32"],
 )
-def test_the_same_picture_gives_the_same_key_points(same: np.ndarray) -> None:
+def test_the_same_image_gives_the_same_key_points(same: np.ndarray) -> None:
     assert len(FOUND) > 20
     assert_equal(surf.detect_and_describe(same), FOUND)
 

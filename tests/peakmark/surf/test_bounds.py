@@ -1,4 +1,4 @@
-"""No kernel reads or writes beyond its arrays: random pictures and parameters, compiled with checks of every index."""
+"""No kernel reads or writes beyond its arrays: random images and parameters, compiled with checks of every index."""
 
 import os
 import subprocess
@@ -12,12 +12,12 @@ from peakmark import surf
 from tests.places import ROOT, SOURCES
 from tests.samples import speckled
 
-PICTURES = 400
+IMAGES = 400
 
 
-def detect_on_random_pictures() -> None:
+def detect_on_random_images() -> None:
     rng = np.random.default_rng(0)
-    for seed in range(PICTURES):
+    for seed in range(IMAGES):
         gray = speckled(*rng.integers(1, 140, 2), seed)
         octaves, layers = (int(n) for n in rng.integers(1, 6, 2))
         extended, upright = rng.random(2) < 0.3
@@ -33,7 +33,7 @@ def test_kernels_stay_inside_their_arrays(tmp_path: Path) -> None:
         "NUMBA_CACHE_DIR": str(tmp_path),
         "PYTHONPATH": os.pathsep.join([SOURCES, str(ROOT)]),
     }
-    code = "from tests.peakmark.surf.test_bounds import detect_on_random_pictures; detect_on_random_pictures()"
+    code = "from tests.peakmark.surf.test_bounds import detect_on_random_images; detect_on_random_images()"
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=1800)
     assert done.returncode == 0, done.stderr

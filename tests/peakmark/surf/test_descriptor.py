@@ -6,8 +6,8 @@ import pytest
 from peakmark import surf
 from peakmark.errors import InputError
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.surf import reference as surf_plain
 from peakmark.surf.descriptor import window_side
+from tests.peakmark.surf import reference
 from tests.samples import some_keypoints, speckled
 
 GRAY = speckled(160, 200, 8)
@@ -18,7 +18,7 @@ def test_kernel_agrees_with_the_plain_operator(extended: bool, worst: float) -> 
     keypoints = surf.detect(GRAY, threshold=30)
     found = surf.describe(GRAY, keypoints, extended=extended)
     rows = zip(keypoints.xy.tolist(), keypoints.size.tolist(), keypoints.angle.tolist(), strict=True)
-    plain = np.array([surf_plain.descriptor(GRAY, x, y, size, angle, extended) for (x, y), size, angle in rows])
+    plain = np.array([reference.descriptor(GRAY, x, y, size, angle, extended) for (x, y), size, angle in rows])
     apart = np.linalg.norm(found - plain, axis=1)
     assert len(keypoints) > 100
     assert np.median(apart) < 0.001
@@ -40,7 +40,7 @@ def test_the_128_entries_split_the_64() -> None:
     keypoints = surf.detect(GRAY, threshold=100)
     cells = surf.describe(GRAY, keypoints).reshape(-1, 16, 4)
     split = surf.describe(GRAY, keypoints, extended=True).reshape(-1, 16, 8)
-    merged = np.stack(
+    joined = np.stack(
         [
             split[..., 0] + split[..., 2],
             split[..., 4] + split[..., 6],
@@ -49,17 +49,17 @@ def test_the_128_entries_split_the_64() -> None:
         ],
         axis=2,
     )
-    merged /= np.linalg.norm(merged.reshape(len(merged), -1), axis=1)[:, None, None]
-    np.testing.assert_allclose(merged, cells, atol=1e-5)
+    joined /= np.linalg.norm(joined.reshape(len(joined), -1), axis=1)[:, None, None]
+    np.testing.assert_allclose(joined, cells, atol=1e-5)
 
 
-def test_a_quarter_turn_of_the_picture_turns_nothing_but_the_angle() -> None:
+def test_rotating_the_image_by_90_degrees_changes_nothing_but_the_angle() -> None:
     keypoints = surf.detect(GRAY, threshold=200)
-    turned = keypoints.with_columns(
+    rotated = keypoints.with_columns(
         xy=np.stack([keypoints.xy[:, 1], GRAY.shape[1] - 1 - keypoints.xy[:, 0]], axis=1),
         angle=(keypoints.angle + 270) % 360,
     )
-    apart = surf.describe(np.rot90(GRAY), turned) - surf.describe(GRAY, keypoints)
+    apart = surf.describe(np.rot90(GRAY), rotated) - surf.describe(GRAY, keypoints)
     assert np.quantile(np.linalg.norm(apart, axis=1), 0.9) < 0.02
 
 

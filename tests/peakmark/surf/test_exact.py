@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from peakmark.surf import exact as surf_exact
 from peakmark.surf.integral import integral_image
 from peakmark.surf.layers import Layer
-from peakmark.surf.reference import layer_response, newton_step
 from tests.compiled import callable_part
+from tests.peakmark.surf.reference import layer_response, newton_step
 from tests.samples import speckled
 
 exact_derivatives = callable_part(surf_exact.exact_derivatives)
@@ -20,7 +20,7 @@ mask_accepts = callable_part(surf_exact.mask_accepts)
 
 
 @pytest.mark.parametrize("layer", [Layer(0, 0), Layer(0, 3), Layer(1, 1), Layer(2, 2), Layer(3, 0)], ids=str)
-def test_responses_at_single_places_are_those_of_the_layer(layer: Layer) -> None:
+def test_responses_at_single_positions_are_those_of_the_layer(layer: Layer) -> None:
     gray = speckled(110, 120, 1)
     integral = integral_image(gray)
     plain = layer_response(integral, layer)

@@ -1,5 +1,7 @@
 """The fused search against the plain operators, whatever the image, the mask and the cut into blocks."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,7 @@ from peakmark.surf import hessian as surf_hessian
 from peakmark.surf.hessian import RECORD_FIELDS, find_interest_points, grid_blocks, strongest_first
 from peakmark.surf.integral import integral_image, padded_integral
 from peakmark.surf.layers import Layer
-from peakmark.surf.reference import hessian_responses, interest_points
+from tests.peakmark.surf.reference import hessian_responses, interest_points
 from tests.samples import speckled
 
 
@@ -55,19 +57,14 @@ def test_kernel_agrees_with_the_plain_operators(
 def test_the_cut_into_blocks_changes_nothing(count: int, columns: int, seed: int) -> None:
     gray = speckled(140, 170, seed)
     expected = search(gray, 10.0, 3, 3)
-    before = surf_hessian._BLOCK_COLUMNS
-    surf_hessian._BLOCK_COLUMNS = columns
-    try:
-        with threads(count):
-            found = search(gray, 10.0, 3, 3)
-    finally:
-        surf_hessian._BLOCK_COLUMNS = before
+    with threads(count), patch.object(surf_hessian, "BLOCK_COLUMNS", columns):
+        found = search(gray, 10.0, 3, 3)
     assert len(expected["x"]) > 20
     for name in RECORD_FIELDS:
         assert found[name].tobytes() == expected[name].tobytes()
 
 
-def test_blocks_tile_the_searched_places_once() -> None:
+def test_blocks_tile_the_searched_positions_once() -> None:
     with threads(3):
         for octave in range(4):
             seen = np.zeros((2500 >> octave, 2100 >> octave), dtype=int)
@@ -89,7 +86,7 @@ def test_the_mask_asks_for_half_of_the_filter_square(part: tuple[slice, slice]) 
     layer_sides = {Layer(o, i).side: Layer(o, i) for o in range(3) for i in range(1, 4)}
     expected = []
     for k in range(len(everywhere["x"])):
-        # the grid place is within half a step of layer and position of the refined maximum: try all that could be it
+        # the grid position is within half a step of layer and position of the refined maximum: try all that could be it
         accepted = {
             mask[y : y + side, x : x + side].mean() >= 0.5
             for side, layer in layer_sides.items()
@@ -103,8 +100,8 @@ def test_the_mask_asks_for_half_of_the_filter_square(part: tuple[slice, slice]) 
     for k, accepted in enumerate(expected):
         if len(accepted) == 1:
             sure += 1
-            place = (everywhere["x"][k], everywhere["y"][k], everywhere["scale"][k])
-            assert (place in kept) == accepted.pop()
+            record = (everywhere["x"][k], everywhere["y"][k], everywhere["scale"][k])
+            assert (record in kept) == accepted.pop()
     assert sure > 0.6 * len(expected)
     assert kept <= set(zip(everywhere["x"], everywhere["y"], everywhere["scale"], strict=True))
 

@@ -6,14 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from peakmark.parallel import threads
-from peakmark.surf.integral import integral_image, integral_image_plain, padded_integral, padded_length
+from peakmark.surf.integral import integral_image, padded_integral, padded_length
+from tests.peakmark.surf import reference
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 3), st.integers(0, 2**32 - 1))
 def test_kernel_agrees_with_the_plain_operator(height: int, width: int, count: int, seed: int) -> None:
     gray = np.random.default_rng(seed).integers(0, 256, (height, width), dtype=np.uint8)
     with threads(count):
-        np.testing.assert_array_equal(integral_image(gray), integral_image_plain(gray))
+        np.testing.assert_array_equal(integral_image(gray), reference.integral_image(gray))
 
 
 @given(st.data())
@@ -28,7 +29,7 @@ def test_any_box_is_four_corners(data: st.DataObject) -> None:
 def test_views_of_any_strides() -> None:
     gray = np.random.default_rng(0).integers(0, 256, (40, 60), dtype=np.uint8)
     for view in (gray[::2, ::3], gray[::-1], gray.T, gray[5:6, 7:8]):
-        np.testing.assert_array_equal(integral_image(view), integral_image_plain(view))
+        np.testing.assert_array_equal(integral_image(view), reference.integral_image(view))
 
 
 def test_boxes_are_exact_where_the_sums_wrap() -> None:

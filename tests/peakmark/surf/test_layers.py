@@ -2,7 +2,8 @@
 
 import pytest
 
-from peakmark.surf.layers import Layer, octave_layers, second_derivative_boxes
+from peakmark.surf.layers import Layer, octave_layers
+from tests.peakmark.surf.reference import second_derivative_boxes
 
 LAYERS = [layer for octave in range(5) for layer in octave_layers(octave, 4)]
 

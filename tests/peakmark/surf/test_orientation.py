@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from peakmark.surf import orientation as surf_orientation
-from peakmark.surf import reference as surf_plain
 from peakmark.surf.integral import integral_image
 from peakmark.surf.orientation import NO_SAMPLE, circle_samples, gaussian, measure_angles
 from tests.compiled import callable_part
+from tests.peakmark.surf import reference
 from tests.samples import speckled
 
 fast_atan2 = callable_part(surf_orientation.fast_atan2)
@@ -26,12 +26,12 @@ def test_kernel_agrees_with_the_plain_operator() -> None:
     rng = np.random.default_rng(0)
     xy, size = rng.uniform((-5, -5), (245, 205), (400, 2)), rng.integers(9, 70, 400)
     integral = integral_image(gray)
-    plain = np.array([surf_plain.orientation(integral, x, y, s) for (x, y), s in zip(xy, size, strict=True)])
+    plain = np.array([reference.orientation(integral, x, y, s) for (x, y), s in zip(xy, size, strict=True)])
     found = angles_of(gray, xy, size)
     np.testing.assert_array_equal(found == NO_SAMPLE, plain == NO_SAMPLE)
-    turn = np.abs(found - plain) % 360
+    angle = np.abs(found - plain) % 360
     # the kernel's arc tangent is good to 0.01°; now and then that moves a sample into another window
-    assert (np.minimum(turn, 360 - turn) < 0.05).mean() > 0.99
+    assert (np.minimum(angle, 360 - angle) < 0.05).mean() > 0.99
 
 
 @pytest.mark.parametrize("angle_deg", [0, 17, 90, 133, 180, 250, 271, 359])
@@ -56,8 +56,8 @@ def test_a_uniform_image_has_angle_zero() -> None:
 @given(st.floats(-1e6, 1e6, width=32), st.floats(-1e6, 1e6, width=32))
 def test_fast_arc_tangent_is_good_to_a_hundredth_of_a_degree(y: float, x: float) -> None:
     exact = np.degrees(np.arctan2(y, x)) % 360
-    turn = abs(float(fast_atan2(np.float32(y), np.float32(x))) - exact) % 360
-    assert min(turn, 360 - turn) < 0.0125 or abs(x) + abs(y) < 1e-12
+    angle = abs(float(fast_atan2(np.float32(y), np.float32(x))) - exact) % 360
+    assert min(angle, 360 - angle) < 0.0125 or abs(x) + abs(y) < 1e-12
     assert float(fast_atan2(np.float32(y), np.float32(x))) == pytest.approx(cv2.fastAtan2(y, x), abs=1e-4)
 
 

@@ -33,8 +33,8 @@ def test_the_comparison_sees_what_differs() -> None:
     assert not compare(expected, expected[::-1]).same_order
     other = expected.with_columns(laplacian=-expected.laplacian)
     assert len(compare(expected, other).pairs) == 0
-    turned = expected.with_columns(angle=(expected.angle + 359) % 360, response=expected.response * np.float32(1.5))
-    parity = compare(expected, turned)
+    rotated = expected.with_columns(angle=(expected.angle + 359) % 360, response=expected.response * np.float32(1.5))
+    parity = compare(expected, rotated)
     assert parity.angle_deg.max() == pytest.approx(1, abs=1e-3)
     assert parity.response_relative.min() == pytest.approx(1 / 3, abs=1e-3)
     assert len(compare(expected, Keypoints.empty(64)).pairs) == 0

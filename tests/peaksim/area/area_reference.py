@@ -44,7 +44,7 @@ def rays_of(camera: Camera, x: NDArray[np.float64], y: NDArray[np.float64]) -> N
 
 
 @njit(cache=True, nogil=True)
-def _add_samples(rays, frames, sizes, flat, shapes, starts, background, out):  # type: ignore[no-untyped-def]
+def _add_samples(rays, frames, sizes, flat, shapes, starts, background, out):
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
             best, best_depth, best_u, best_v = -1, np.inf, 0.0, 0.0

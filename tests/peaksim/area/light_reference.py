@@ -27,29 +27,29 @@ def lit_integral(scene: Scene, camera: Camera, pose: NDArray[np.float64], n: int
         rays = camera.unproject(pixels + offset) @ pose[:3, :3].T
         t, hit = nearest(np.broadcast_to(pose[:3, 3], rays.shape), rays, triangles)
         seen = np.isfinite(t)
-        places = pose[:3, 3] + np.where(seen, t, 0)[:, None] * rays
+        positions = pose[:3, 3] + np.where(seen, t, 0)[:, None] * rays
         corners = triangles[hit]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         normals *= -np.sign((normals * rays).sum(axis=1, keepdims=True))
-        light = sum(multiplier(one, places, normals, blockers) for one in scene.lights)
+        light = sum(multiplier(one, positions, normals, blockers) for one in scene.lights)
         total += np.where(seen, levels[hit] * light, scene.background)
     return (total / n**2).reshape(camera.height, camera.width)
 
 
-def multiplier(light: Light, places: Points, normals: Points, blockers: Points) -> NDArray[np.float64]:
+def multiplier(light: Light, positions: Points, normals: Points, blockers: Points) -> NDArray[np.float64]:
     """Return the (m,) multiplier of one light, as `Light` defines it."""
     if light.kind == "ambient":
-        return np.full(len(places), light.intensity)
+        return np.full(len(positions), light.intensity)
     if light.kind == "directional":
-        ways = np.broadcast_to(-np.asarray(light.direction) * 1e3, places.shape)
+        to_light = np.broadcast_to(-np.asarray(light.direction) * 1e3, positions.shape)
     else:
-        ways = np.asarray(light.position_m) - places
-    lengths = np.linalg.norm(ways, axis=1)
-    cosines = np.maximum((ways * normals).sum(axis=1) / lengths, 0)
+        to_light = np.asarray(light.position_m) - positions
+    lengths = np.linalg.norm(to_light, axis=1)
+    cosines = np.maximum((to_light * normals).sum(axis=1) / lengths, 0)
     falloff = (light.reference_m / lengths) ** 2 if light.kind == "point" else 1.0
     if light.casts_shadows:
-        cosines[nearest(places + 1e-6 * normals, ways, blockers)[0] < 1] = 0
+        cosines[nearest(positions + 1e-6 * normals, to_light, blockers)[0] < 1] = 0
     return light.intensity * cosines * falloff
 
 
@@ -64,7 +64,7 @@ def nearest(origins: Points, rays: Points, triangles: Points) -> tuple[NDArray[n
 
 
 @njit(cache=True)
-def _find_nearest(origins, rays, triangles, planes, best, number):  # type: ignore[no-untyped-def]
+def _find_nearest(origins, rays, triangles, planes, best, number):
     for i in range(len(rays)):
         for k in range(len(triangles)):
             slope = height = 0.0
@@ -76,8 +76,8 @@ def _find_nearest(origins, rays, triangles, planes, best, number):  # type: igno
             for side in range(3):
                 inward = 0.0
                 for axis in range(3):
-                    place = origins[i, axis] + t * rays[i, axis]
-                    inward += (place - triangles[k, side, axis]) * planes[k, side + 1, axis]
+                    position = origins[i, axis] + t * rays[i, axis]
+                    inward += (position - triangles[k, side, axis]) * planes[k, side + 1, axis]
                 inside = inside and inward >= 0.0
             if inside:
                 best[i], number[i] = t, k

@@ -9,14 +9,11 @@ from peaksim.area.integrate import integrate
 from peaksim.geometry.pose import compose, rotation_about
 
 from tests.peaksim.area.area_reference import area_integral
+from tests.peaksim.shapes import plain_quad, plain_texture
 from tests.peaksim.views import LENSES, random_view, through
 
 CAMERA = Camera(width=48, height=48, fx=40.0, fy=40.0, cx=23.5, cy=23.5)
 ABOVE = compose(np.diag([1.0, -1.0, -1.0]), [0, 0, 1.0])  # 1 m above z = 0, looking down, its x along the world's
-
-
-def plain(name: str, level: int, side_m: float, pose: np.ndarray) -> Quad:
-    return Quad(name, Texture.from_array(np.full((1, 1), level, np.uint8)), (side_m, side_m), pose)
 
 
 def lying(z_m: float = 0.0, x_m: float = 0.0) -> np.ndarray:
@@ -45,24 +42,23 @@ def test_it_is_the_area_integral_from_thirty_random_poses(seed: int) -> None:
 
 
 def test_an_edge_covers_pixels_by_area() -> None:
-    scene = Scene((plain("white", 255, 0.5, lying()),), background=0.0)
-    picture = integrate(scene, CAMERA, ABOVE[None])[:, :, 0]
+    scene = Scene((plain_quad("white", 255, 0.5, lying()),), background=0.0)
+    image = integrate(scene, CAMERA, ABOVE[None])[:, :, 0]
     # the quad's edges lie at 23.5 ± 10 px, in the middle between two pixel centres: whole pixels only
-    assert set(np.unique(picture)) == {0.0, 255.0}
+    assert set(np.unique(image)) == {0.0, 255.0}
     shifted = ABOVE.copy()
     shifted[0, 3] += 0.25 / 40  # a quarter of a pixel
-    picture = integrate(scene, CAMERA, shifted[None])[:, :, 0]
-    assert picture[24, 13] == pytest.approx(255 * 0.25, abs=1e-3)
-    assert picture[24, 33] == pytest.approx(255 * 0.75, abs=1e-3)
-    assert picture.sum() == pytest.approx(255 * 400, rel=1e-6)
+    image = integrate(scene, CAMERA, shifted[None])[:, :, 0]
+    assert image[24, 13] == pytest.approx(255 * 0.25, abs=1e-3)
+    assert image[24, 33] == pytest.approx(255 * 0.75, abs=1e-3)
+    assert image.sum() == pytest.approx(255 * 400, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_quarter_turn_of_the_camera_turns_the_picture_of_plain_quads_exactly(seed: int) -> None:
+def test_a_rotation_of_the_camera_by_90_degrees_rotates_the_image_of_plain_quads_exactly(seed: int) -> None:
     view = random_view(seed, 48, 48)
     quads = tuple(
-        Quad(q.name, Texture.from_array(np.full((1, 1), 20 + 30 * k, np.uint8)), q.size_m, q.world_from_quad)
-        for k, q in enumerate(view.scene.quads)
+        Quad(q.name, plain_texture(20 + 30 * k), q.size_m, q.world_from_quad) for k, q in enumerate(view.scene.quads)
     )
     upright, rolled = quarter_turn(Scene(quads), view.pose)
     assert np.allclose(upright, rolled, atol=1e-4)
@@ -79,40 +75,40 @@ def test_a_quarter_turn_of_the_camera_turns_textures_within_their_error_budget()
 
 
 def quarter_turn(scene: Scene, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the picture turned, and that of the turned camera."""
-    turned = pose @ compose(rotation_about("z", 90), np.zeros(3))
-    return np.rot90(integrate(scene, CAMERA, pose[None]), 1), integrate(scene, CAMERA, turned[None])
+    """Return the rotated image, and the image of the rotated camera."""
+    rotated = pose @ compose(rotation_about("z", 90), np.zeros(3))
+    return np.rot90(integrate(scene, CAMERA, pose[None]), 1), integrate(scene, CAMERA, rotated[None])
 
 
 def test_overlapping_quads_hide_each_other_in_any_order() -> None:
-    low, high = plain("low", 50, 1.0, lying()), plain("high", 250, 0.3, lying(0.2))
-    quads = (low, plain("middle", 150, 0.6, lying(0.1, 0.1)), high)
-    pictures = [integrate(Scene(order), CAMERA, ABOVE[None]) for order in (quads, quads[::-1], quads[1:] + quads[:1])]
-    assert np.allclose(pictures[0], pictures[1], atol=1e-4)
-    assert np.allclose(pictures[0], pictures[2], atol=1e-4)
+    low, high = plain_quad("low", 50, 1.0, lying()), plain_quad("high", 250, 0.3, lying(0.2))
+    quads = (low, plain_quad("middle", 150, 0.6, lying(0.1, 0.1)), high)
+    images = [integrate(Scene(order), CAMERA, ABOVE[None]) for order in (quads, quads[::-1], quads[1:] + quads[:1])]
+    assert np.allclose(images[0], images[1], atol=1e-4)
+    assert np.allclose(images[0], images[2], atol=1e-4)
 
 
 def test_intersecting_quads_are_split_where_they_meet() -> None:
     tilted = (rotation_about("y", angle) for angle in (20, -20))
     scene = Scene(
         tuple(
-            plain(str(k), level, 0.6, compose(r, np.zeros(3)))
+            plain_quad(str(k), level, 0.6, compose(r, np.zeros(3)))
             for k, (level, r) in enumerate(zip((0, 200), tilted, strict=True))
         )
     )
-    picture = integrate(scene, CAMERA, ABOVE[None])[24, 15:33, 0]
-    assert list(np.unique(picture[:9])) == [200.0] or list(np.unique(picture[:9])) == [0.0]
-    assert len(np.unique(picture[9:])) == 1
-    assert {picture[0], picture[-1]} == {0.0, 200.0}
+    image = integrate(scene, CAMERA, ABOVE[None])[24, 15:33, 0]
+    assert list(np.unique(image[:9])) == [200.0] or list(np.unique(image[:9])) == [0.0]
+    assert len(np.unique(image[9:])) == 1
+    assert {image[0], image[-1]} == {0.0, 200.0}
 
 
 def test_bytes_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     view = random_view(8, 96, 72)
-    pictures = []
+    images = []
     for threads in ("1", "2", "5"):
         monkeypatch.setenv("PEAKSIM_THREADS", threads)
-        pictures.append(integrate(view.scene, view.camera, view.pose[None]).tobytes())
-    assert pictures[0] == pictures[1] == pictures[2]
+        images.append(integrate(view.scene, view.camera, view.pose[None]).tobytes())
+    assert images[0] == images[1] == images[2]
     assert os.environ["PEAKSIM_THREADS"] == "5"
 
 

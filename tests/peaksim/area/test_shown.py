@@ -1,4 +1,4 @@
-"""Candidate faces and crowded pixels, against plain NumPy on hand-made pictures of numbers."""
+"""Candidate faces and crowded pixels, against plain NumPy on hand-made images of numbers."""
 
 import numpy as np
 from hypothesis import given
@@ -10,13 +10,13 @@ OPAQUE = 255 << 24
 NONE = np.zeros((1, 0), np.int64), np.zeros(1, np.int64)
 
 
-def places(height: int, width: int) -> np.ndarray:
+def positions(height: int, width: int) -> np.ndarray:
     """Return (column, row, 1) of pixel corners where samples lie evenly."""
     x, y = np.meshgrid(SAMPLES * np.arange(width + 1.0), SAMPLES * np.arange(height + 1.0))
     return np.stack([x, y, np.ones_like(x)], axis=2)
 
 
-def picture(seed: int, faces: int, side: int = 8) -> np.ndarray:
+def image(seed: int, faces: int, side: int = 8) -> np.ndarray:
     shown = np.random.default_rng(seed).integers(0, faces + 1, (side * SAMPLES, side * SAMPLES))
     return np.where(shown, shown + OPAQUE, 0).astype(np.uint32)
 
@@ -30,7 +30,7 @@ def shown_in(numbers: np.ndarray, y: int, x: int, height: int, width: int) -> se
 
 @given(st.integers(0, 1000), st.integers(1, MOST_FACES))
 def test_a_tile_lists_the_faces_of_its_samples_and_of_those_around(seed: int, faces: int) -> None:
-    numbers, groups = picture(seed, faces), np.full(faces, -1)
+    numbers, groups = image(seed, faces), np.full(faces, -1)
     found, counts = np.zeros((2, MOST_FACES + 1), np.int64), np.zeros(2, np.int64)
     boxes = np.array([[0.0, 8, 1, 12, 24, 1], [16, 0, 1, 32, 32, 1]])
     touching = np.zeros((2, 0), np.int64), np.zeros(2, np.int64)
@@ -49,13 +49,13 @@ def test_a_tile_lists_what_lies_on_a_face_that_is_shown() -> None:
 
 
 def test_pixels_of_a_full_tile_have_lists_of_their_own_and_the_fullest_are_crowded() -> None:
-    numbers = picture(1, MOST_FACES)
+    numbers = image(1, MOST_FACES)
     numbers[: 3 * SAMPLES] = np.arange(3 * SAMPLES * 8 * SAMPLES).reshape(3 * SAMPLES, -1) + 100 + OPAQUE
     full, cells = np.array([True]), np.zeros((8, 8), np.int64)
     found, counts = np.zeros((65, MOST_FACES + 1), np.int64), np.zeros(65, np.int64)
     alone = np.full(65, MIXED)
     groups = np.full(2000, -1)
-    list_in_pixels(numbers, groups, *NONE, places(8, 8), 16, full, found, counts, alone, cells)
+    list_in_pixels(numbers, groups, *NONE, positions(8, 8), 16, full, found, counts, alone, cells)
     assert np.array_equal(cells, np.arange(1, 65).reshape(8, 8))
     assert (alone[cells][:3] == CROWDED).all()
     assert (alone[cells][4:] == MIXED).all()
@@ -74,7 +74,7 @@ def test_a_crowded_pixel_is_cut_into_equal_parts_with_the_face_at_their_middle()
     polygons, pieces, shares = np.zeros((n, 24, 2)), np.zeros((n, 4), np.int64), np.zeros(n)
     out = np.zeros((1, 1, 1), np.float32)
     pixels = np.zeros((1, 2), np.int64)
-    count = cut_crowded(corners, sides, numbers, places(1, 1), pixels, 160.0, polygons, pieces, shares, out)
+    count = cut_crowded(corners, sides, numbers, positions(1, 1), pixels, 160.0, polygons, pieces, shares, out)
     assert count == n - 1
     assert out[0, 0, 0] == 160 / n
     assert np.all(shares[:count] == 1 / n)

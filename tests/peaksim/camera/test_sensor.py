@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from peaksim.camera.sensor import Sensor, disc_kernel, gaussian_blur, quantise, take, vignette
+from peaksim.camera.sensor import Sensor, capture_image, disc_kernel, gaussian_blur, quantise, vignette
 from peaksim.errors import SceneError
 from PIL import Image
 
@@ -18,35 +18,35 @@ def rng(seed: int = 0) -> np.random.Generator:
 @given(st.integers(0, 2**31), st.booleans())
 def test_the_default_only_rounds(seed: int, colour: bool) -> None:
     levels = rng(seed).uniform(-20, 300, (7, 9, 3) if colour else (7, 9)).astype(np.float32)
-    assert np.array_equal(take(levels, Sensor(), rng()), np.clip(np.rint(levels), 0, 255).astype(np.uint8))
+    assert np.array_equal(capture_image(levels, Sensor(), rng()), np.clip(np.rint(levels), 0, 255).astype(np.uint8))
 
 
 def test_noise_is_seeded_and_a_quiet_sensor_draws_nothing() -> None:
     noisy = Sensor(read_noise=3.0, full_well_e=5000)
-    assert np.array_equal(take(FLAT, noisy, rng(1)), take(FLAT, noisy, rng(1)))
-    assert not np.array_equal(take(FLAT, noisy, rng(1)), take(FLAT, noisy, rng(2)))
+    assert np.array_equal(capture_image(FLAT, noisy, rng(1)), capture_image(FLAT, noisy, rng(1)))
+    assert not np.array_equal(capture_image(FLAT, noisy, rng(1)), capture_image(FLAT, noisy, rng(2)))
     generator = rng(1)
-    take(FLAT, Sensor(lens_blur_px=1, vignetting=0.5, jpeg_quality=90), generator)
+    capture_image(FLAT, Sensor(lens_blur_px=1, vignetting=0.5, jpeg_quality=90), generator)
     assert generator.integers(2**62) == rng(1).integers(2**62)
 
 
 def test_read_noise_has_the_stated_sigma_and_no_bias() -> None:
-    picture = take(FLAT, Sensor(read_noise=5.0), rng()).astype(float)
-    assert picture.mean() == pytest.approx(100.25, abs=4 * 5 / np.sqrt(FLAT.size))
-    assert picture.std() == pytest.approx(np.sqrt(25 + 1 / 12), rel=0.01)
+    image = capture_image(FLAT, Sensor(read_noise=5.0), rng()).astype(float)
+    assert image.mean() == pytest.approx(100.25, abs=4 * 5 / np.sqrt(FLAT.size))
+    assert image.std() == pytest.approx(np.sqrt(25 + 1 / 12), rel=0.01)
 
 
 @pytest.mark.parametrize("level", [20.0, 200.0])
 def test_photon_noise_has_the_variance_of_its_electrons(level: float) -> None:
-    picture = take(np.full_like(FLAT, level), Sensor(full_well_e=2000), rng()).astype(float)
+    image = capture_image(np.full_like(FLAT, level), Sensor(full_well_e=2000), rng()).astype(float)
     electrons = level * 2000 / 255
-    assert picture.var() - 1 / 12 == pytest.approx((level / electrons) ** 2 * electrons, rel=0.04)
-    assert picture.mean() == pytest.approx(level, abs=0.2)
+    assert image.var() - 1 / 12 == pytest.approx((level / electrons) ** 2 * electrons, rel=0.04)
+    assert image.mean() == pytest.approx(level, abs=0.2)
 
 
 def test_gain_amplifies_photon_noise_and_exposure_does_not() -> None:
-    brighter = take(FLAT / 2, Sensor(exposure=2, full_well_e=2000), rng()).astype(float)
-    amplified = take(FLAT / 2, Sensor(gain=2, full_well_e=2000), rng()).astype(float)
+    brighter = capture_image(FLAT / 2, Sensor(exposure=2, full_well_e=2000), rng()).astype(float)
+    amplified = capture_image(FLAT / 2, Sensor(gain=2, full_well_e=2000), rng()).astype(float)
     assert brighter.mean() == pytest.approx(amplified.mean(), rel=0.01)
     assert amplified.var() == pytest.approx(2 * brighter.var(), rel=0.05)
 
@@ -76,13 +76,13 @@ def test_vignetting_loses_the_stated_share_in_the_corners_only() -> None:
     passed = vignette(101, 201, 0.6)
     assert passed[50, 100] == 1
     assert np.allclose(passed[[0, 0, -1, -1], [0, -1, 0, -1]], 0.4)
-    white = take(np.full((101, 201, 3), 200, np.float32), Sensor(vignetting=0.6), rng())
+    white = capture_image(np.full((101, 201, 3), 200, np.float32), Sensor(vignetting=0.6), rng())
     assert white[0, 0].tolist() == [80, 80, 80]
 
 
 def test_gamma_is_a_power_law_with_fixed_ends() -> None:
     ramp = np.array([[-5, 0, 64, 128, 255, 400]], np.float32)
-    assert take(ramp, Sensor(gamma=2.2), rng()).tolist() == [[0, 0, 136, 186, 255, 255]]
+    assert capture_image(ramp, Sensor(gamma=2.2), rng()).tolist() == [[0, 0, 136, 186, 255, 255]]
 
 
 @pytest.mark.parametrize("bits", range(1, 9))
@@ -95,11 +95,11 @@ def test_quantisation_has_two_to_the_bits_levels_from_black_to_white(bits: int) 
 def test_jpeg_is_the_codecs_own() -> None:
     from io import BytesIO
 
-    picture = rng().integers(0, 255, (64, 64, 3), dtype=np.uint8)
+    image = rng().integers(0, 255, (64, 64, 3), dtype=np.uint8)
     buffer = BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=40)
+    Image.fromarray(image).save(buffer, "JPEG", quality=40)
     assert np.array_equal(
-        take(picture.astype(np.float32), Sensor(jpeg_quality=40), rng()), np.array(Image.open(buffer))
+        capture_image(image.astype(np.float32), Sensor(jpeg_quality=40), rng()), np.array(Image.open(buffer))
     )
 
 

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from peaksim import Camera, Quad, Scene, Texture, Trajectory, render
-from peaksim.camera.shutter import Shot, still
+from peaksim import Camera, Quad, Scene, Trajectory, render
+from peaksim.camera.shutter import PosedCamera, still_camera
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.rendering import count_moments
+
+from tests.peaksim.shapes import plain_texture
 
 CAMERA = Camera(width=160, height=120, fx=140.0, fy=140.0, cx=79.5, cy=59.5)
 ROLLING = replace(CAMERA, row_time_s=1e-4)
@@ -18,7 +20,7 @@ START = look_at([0, -3.0, 1.0], [0, 0, 1.0])
 
 
 def sideways(metres: float, turn_deg: float = 0.0) -> Trajectory:
-    """Return a second of motion to the right, with a turn to the right."""
+    """Return a second of motion to the right, with a rotation to the right."""
     ends = [START @ compose(rotation_about("y", k * turn_deg / 2), [k * metres / 2, 0, 0]) for k in (-1.0, 1.0)]
     return Trajectory(np.array([-0.5, 0.5]), np.stack(ends))
 
@@ -26,29 +28,29 @@ def sideways(metres: float, turn_deg: float = 0.0) -> Trajectory:
 @given(st.integers(0, 2**32))
 def test_each_point_is_seen_by_the_row_it_is_on(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    shot = Shot(ROLLING, sideways(rng.uniform(-2, 2), rng.uniform(-90, 90)), rng.uniform(-0.2, 0.2))
+    posed = PosedCamera(ROLLING, sideways(rng.uniform(-2, 2), rng.uniform(-90, 90)), rng.uniform(-0.2, 0.2))
     points = rng.uniform([-1, -1, 0.2], [1, 1, 1.8], (20, 3))
-    for point, xy in zip(points, shot.project(points), strict=True):
-        time_s = shot.time_s + (xy[1] - 59.5) * 1e-4
-        own = still(CAMERA, shot.trajectory.at(time_s)).project(point)[0]
+    for point, xy in zip(points, posed.project(points), strict=True):
+        time_s = posed.time_s + (xy[1] - 59.5) * 1e-4
+        own = still_camera(CAMERA, posed.trajectory.at(time_s)).project(point)[0]
         assert np.allclose(own, xy, atol=1e-5)
 
 
 @given(st.integers(0, 2**32))
 def test_rays_invert_projection(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    shot = Shot(ROLLING, sideways(1.0, 60.0))
+    posed = PosedCamera(ROLLING, sideways(1.0, 60.0))
     xy = rng.uniform([-0.5, -0.5], [159.5, 119.5], (20, 2))
-    poses, _, rays = shot.rays(xy)
+    poses, _, rays = posed.rays(xy)
     points = poses[:, :3, 3] + rng.uniform(0.5, 5, (20, 1)) * rays
-    assert np.allclose(shot.project(points), xy, atol=1e-6)
+    assert np.allclose(posed.project(points), xy, atol=1e-6)
 
 
 def test_a_rolling_shutter_leans_upright_edges() -> None:
-    white = Texture.from_array(np.full((1, 1), 255, np.uint8))
+    white = plain_texture(255)
     board = Quad("board", white, (0.6, 4.0), compose(rotation_about("x", 90), [0, 0, 1]), marker="board")
     frame = render(Scene((board,), background=0.0), ROLLING, sideways(20.0), renderer="exact")
-    assert frame.shot.is_rolling
+    assert frame.posed_camera.is_rolling
     widths = frame.linear.sum(axis=1) / 255
     first = np.argmax(frame.linear > 0, axis=1)
     left = first + 1 - frame.linear[np.arange(120), first] / 255
@@ -58,17 +60,11 @@ def test_a_rolling_shutter_leans_upright_edges() -> None:
 
 
 def test_a_blur_is_the_mean_of_its_moments_and_truth_says_how_wide_it_is() -> None:
-    dot = Quad(
-        "dot",
-        Texture.from_array(np.full((1, 1), 255, np.uint8)),
-        (0.06, 0.06),
-        compose(rotation_about("x", 90), [0, 0, 1]),
-        marker="dot",
-    )
+    dot = Quad("dot", plain_texture(255), (0.06, 0.06), compose(rotation_about("x", 90), [0, 0, 1]), marker="dot")
     camera = replace(CAMERA, exposure_s=0.05)
-    way = sideways(5.0)  # 11.67 px in 0.05 s
-    frame = render(Scene((dot,), background=0.0), camera, way, renderer="exact")
-    sharp = render(Scene((dot,), background=0.0), CAMERA, way.at(0.0), renderer="exact")
+    trajectory = sideways(5.0)  # 11.67 px in 0.05 s
+    frame = render(Scene((dot,), background=0.0), camera, trajectory, renderer="exact")
+    sharp = render(Scene((dot,), background=0.0), CAMERA, trajectory.at(0.0), renderer="exact")
     assert frame.linear.sum() == pytest.approx(sharp.linear.sum(), rel=1e-3)
     assert frame.linear.max() < 0.3 * sharp.linear.max()
     truth = frame.truth[0]
@@ -81,26 +77,17 @@ def test_a_blur_is_the_mean_of_its_moments_and_truth_says_how_wide_it_is() -> No
 
 
 def test_moments_are_as_many_as_the_motion_asks_for() -> None:
-    scene = Scene(
-        (
-            Quad(
-                "wall",
-                Texture.from_array(np.full((1, 1), 9, np.uint8)),
-                (9, 9),
-                compose(rotation_about("x", 90), [0, 0, 1]),
-            ),
-        )
-    )
+    scene = Scene((Quad("wall", plain_texture(9), (9, 9), compose(rotation_about("x", 90), [0, 0, 1])),))
     camera = replace(CAMERA, exposure_s=0.05)
-    assert 16 <= count_moments(scene, Shot(camera, sideways(5.0))) <= 20  # 11.7 px
-    assert count_moments(scene, Shot(camera, sideways(1e-6))) == 2
+    assert 16 <= count_moments(scene, PosedCamera(camera, sideways(5.0))) <= 20  # 11.7 px
+    assert count_moments(scene, PosedCamera(camera, sideways(1e-6))) == 2
 
 
 def test_a_camera_that_stands_still_neither_rolls_nor_blurs() -> None:
-    shot = still(replace(CAMERA, row_time_s=1e-3, exposure_s=0.1), START)
-    assert not shot.is_rolling
-    assert not shot.is_blurred
-    assert np.allclose(shot.project([[0, 0, 1]]), [[79.5, 59.5]])
+    posed = still_camera(replace(CAMERA, row_time_s=1e-3, exposure_s=0.1), START)
+    assert not posed.is_rolling
+    assert not posed.is_blurred
+    assert np.allclose(posed.project([[0, 0, 1]]), [[79.5, 59.5]])
 
 
 def test_the_time_must_be_finite() -> None:

@@ -1,4 +1,4 @@
-"""A tiny scene and specification: a plain room with three markers, pictures of 64×48 px, milliseconds a frame."""
+"""A tiny scene and specification: a plain room with three markers, images of 64×48 px, milliseconds a frame."""
 
 import os
 import subprocess
@@ -94,7 +94,7 @@ def tiny_spec(**fields: Any) -> CorpusSpec:
 
 
 def write_tiny_scene(folder: Path) -> Path:
-    """Write tiny.toml and its pictures."""
+    """Write tiny.toml and its images."""
     folder.mkdir(exist_ok=True)
     (folder / "tiny.toml").write_text(SCENE, encoding="utf-8")
     cv2.imwrite(str(folder / "plain.png"), np.full((8, 8), 150, np.uint8))

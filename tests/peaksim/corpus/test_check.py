@@ -29,13 +29,13 @@ def corpus(made: dict[str, bytes], tmp_path: Path) -> Path:
 
 
 def test_an_untouched_corpus_has_no_faults_and_every_file_is_looked_at(corpus: Path, made: dict[str, bytes]) -> None:
-    looked: list[None] = []
-    assert check_corpus(str(corpus), lambda: looked.append(None)) == []
-    assert len(looked) == len(made) - 1  # the manifest vouches for all others
+    checked: list[None] = []
+    assert check_corpus(str(corpus), lambda: checked.append(None)) == []
+    assert len(checked) == len(made) - 1  # the manifest vouches for all others
 
 
 def test_every_single_changed_byte_is_found(corpus: Path, made: dict[str, bytes]) -> None:
-    """One file of each kind is changed in turn."""
+    """One file of each kind is changed, one after another."""
     kinds = {name.rsplit(".", 1)[-1] + name.split("/")[0]: name for name in made if name != "manifest.json"}
     for name in kinds.values():
         content = bytearray(made[name])

@@ -1,15 +1,11 @@
 """COCO key points: read by pycocotools, equal to the truth, boxes and polygons in COCO's own pixel convention."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from peaksim.corpus.coco import clipped, coco_writer
-from peaksim.truth.markers import polygon_area
+from peaksim.corpus.coco import coco_writer
 from pycocotools.coco import COCO
 
 from tests.peaksim.corpus.helpers import MemoryFile, tiny_records, tiny_spec
@@ -32,7 +28,7 @@ def coco(records: list[dict[str, Any]], tmp_path: Path) -> COCO:
     return COCO(str(tmp_path / "coco.json"))
 
 
-def test_pycocotools_finds_every_picture_kind_and_visible_marker(coco: COCO, records: list[dict[str, Any]]) -> None:
+def test_pycocotools_finds_every_image_kind_and_visible_marker(coco: COCO, records: list[dict[str, Any]]) -> None:
     assert sorted(coco.getImgIds()) == list(range(12))
     assert [c["name"] for c in coco.loadCats(coco.getCatIds())] == list(KINDS)
     assert coco.loadImgs([3])[0] == {"id": 3, "file_name": "000001/00000003.png", "width": 64, "height": 48}
@@ -68,24 +64,3 @@ def test_polygons_cover_the_marker_in_cocos_pixels(coco: COCO, records: list[dic
         if len(rows):
             assert x - 1 <= columns.min() <= columns.max() + 1 <= x + width + 1
             assert y - 1 <= rows.min() <= rows.max() + 1 <= y + height + 1
-
-
-@given(st.lists(st.tuples(st.floats(-30, 60), st.floats(-30, 60)), min_size=3, max_size=3))
-def test_clipping_keeps_the_area_that_is_inside(corners: list[tuple[float, float]]) -> None:
-    """Against counting sub-pixel samples, for triangles."""
-    triangle = np.array(corners)
-    steps = (np.arange(300) + 0.5) / 10
-    x, y = np.meshgrid(steps, steps)
-    sides = [(triangle[i], triangle[i - 1]) for i in range(3)]
-    signs = np.array([(b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) for a, b in sides])
-    inside = (signs > 0).all(axis=0) | (signs < 0).all(axis=0)
-    perimeter = sum(np.linalg.norm(a - b) for a, b in sides)
-    area = abs(polygon_area(clipped(triangle, 30, 30))) if len(clipped(triangle, 30, 30)) else 0
-    assert area == pytest.approx(inside.sum() / 100, abs=0.1 * perimeter + 0.1)
-
-
-def test_a_polygon_inside_stays_and_one_outside_vanishes() -> None:
-    square = np.array([[1.0, 1], [5, 1], [5, 5], [1, 5]])
-    assert np.array_equal(clipped(square, 10, 10), square)
-    assert clipped(square + 20, 10, 10).shape == (0, 2)
-    assert json.dumps(clipped(np.zeros((0, 2)), 10, 10).tolist()) == "[]"

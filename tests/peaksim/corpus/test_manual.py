@@ -9,7 +9,7 @@ from peaksim.corpus import layout, make_corpus
 from peaksim.corpus import spec as spec_tables
 from peaksim.corpus.sample import KEYPOINTS
 from peaksim.corpus.tables import FRAME_COLUMNS, MARKER_COLUMNS
-from peaksim.scene.schema import Table
+from peaksim.scene.schema import StrictTable
 
 from tests.peaksim.corpus.helpers import contents, tiny_records, tiny_spec
 from tests.places import ROOT
@@ -22,12 +22,12 @@ TREE = MANUAL.split("## On disk")[1].split("```")[1]
 TABLES = [
     value
     for value in vars(spec_tables).values()
-    if isinstance(value, type) and issubclass(value, Table) and value is not Table
+    if isinstance(value, type) and issubclass(value, StrictTable) and value is not StrictTable
 ]
 
 
 @pytest.mark.parametrize("table", [t for t in TABLES if t.__module__ == spec_tables.__name__], ids=lambda t: t.__name__)
-def test_every_field_of_a_specification_is_explained(table: type[Table]) -> None:
+def test_every_field_of_a_specification_is_explained(table: type[StrictTable]) -> None:
     assert set(table.model_fields) <= WORDS
 
 

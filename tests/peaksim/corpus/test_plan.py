@@ -7,7 +7,7 @@ import pytest
 from peaksim.corpus.plan import corpus_cameras, open_sequence, plan_frame
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import look_at
-from peaksim.geometry.trajectory import line
+from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import save_trajectory
 
 from tests.peaksim.corpus.helpers import tiny_spec
@@ -75,8 +75,8 @@ def test_a_flight_runs_along_the_scenes_trajectory_once_a_sequence(folder: Path)
 
 def test_a_flight_follows_a_file_beside_the_specification(folder: Path) -> None:
     start, end = (look_at([x, -0.5, 0.7], [x, 0.5, 0.2]) for x in (-0.2, 0.2))
-    save_trajectory(line(start, end, 1.0), folder / "way.txt")
-    plan = plan_frame(tiny_spec(views=[{"kind": "flight", "file": "way.txt"}]), folder, 3)
+    save_trajectory(Trajectory(np.array([0.0, 1.0]), np.stack([start, end])), folder / "path.txt")
+    plan = plan_frame(tiny_spec(views=[{"kind": "flight", "file": "path.txt"}]), folder, 3)
     assert np.allclose(plan.world_from_camera, end, atol=1e-9)
 
 

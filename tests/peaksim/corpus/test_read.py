@@ -1,4 +1,4 @@
-"""Reading: the same pictures and records whether they lie loose or in shards."""
+"""Reading: the same images and records whether they lie loose or in shards."""
 
 from pathlib import Path
 

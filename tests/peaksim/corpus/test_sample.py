@@ -1,4 +1,4 @@
-"""Samples: pictures that decode to what was rendered, and records that say the truth."""
+"""Samples: images that decode to what was rendered, and records that say the truth."""
 
 from pathlib import Path
 
@@ -10,8 +10,8 @@ from peaksim.corpus.sample import (
     COVERED,
     SEEN,
     UNSEEN,
-    decode,
-    encode,
+    decode_image,
+    encode_image,
     from_line,
     make_sample,
     point_states,
@@ -36,33 +36,33 @@ def plan(folder: Path) -> FramePlan:
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
 def test_png_keeps_every_level(shape: tuple[int, ...]) -> None:
     image = np.random.default_rng(0).integers(0, 256, shape).astype(np.uint8)
-    assert np.array_equal(decode(encode(image, PictureTable()), "x"), image)
+    assert np.array_equal(decode_image(encode_image(image, PictureTable()), "x"), image)
 
 
 def test_jpeg_keeps_colours_apart_and_follows_its_quality() -> None:
     image = np.zeros((16, 16, 3), np.uint8)
     image[:, :] = [200, 100, 50]
-    fine, coarse = (encode(image, PictureTable(format="jpeg", quality=quality)) for quality in (98, 20))
-    assert np.abs(decode(fine, "x").astype(int) - [200, 100, 50]).max() <= 3
+    fine, coarse = (encode_image(image, PictureTable(format="jpeg", quality=quality)) for quality in (98, 20))
+    assert np.abs(decode_image(fine, "x").astype(int) - [200, 100, 50]).max() <= 3
     noise = np.random.default_rng(0).integers(0, 256, (64, 64)).astype(np.uint8)
-    assert len(encode(noise, PictureTable(format="jpeg", quality=20))) < len(
-        encode(noise, PictureTable(format="jpeg", quality=98))
+    assert len(encode_image(noise, PictureTable(format="jpeg", quality=20))) < len(
+        encode_image(noise, PictureTable(format="jpeg", quality=98))
     )
     assert coarse[:3] == b"\xff\xd8\xff"
 
 
-def test_a_damaged_picture_is_named() -> None:
-    with pytest.raises(ImageError, match=r"frames/7\.png: .*expected a picture"):
-        decode(b"no picture", "frames/7.png")
+def test_a_damaged_image_is_named() -> None:
+    with pytest.raises(ImageError, match=r"frames/7\.png: .*expected an image"):
+        decode_image(b"no image", "frames/7.png")
 
 
-def test_the_picture_is_the_rendered_frame_and_the_record_vouches_for_it(plan: FramePlan) -> None:
+def test_the_image_is_the_rendered_frame_and_the_record_vouches_for_it(plan: FramePlan) -> None:
     import hashlib
 
     sample = make_sample(plan, "exact", PictureTable())
     record = from_line(sample.record, "x")
-    assert np.array_equal(decode(sample.picture, "x"), render_frame(plan, "exact").image)
-    assert record["picture_sha256"] == hashlib.sha256(sample.picture).hexdigest()
+    assert np.array_equal(decode_image(sample.image, "x"), render_frame(plan, "exact").image)
+    assert record["picture_sha256"] == hashlib.sha256(sample.image).hexdigest()
     assert sample == make_sample(plan, "exact", PictureTable())
 
 
@@ -100,7 +100,7 @@ def card(name: str, x: float, height: float, side: float = 0.2) -> Quad:
 
 def test_points_are_seen_covered_or_outside() -> None:
     camera = Camera(100, 100, 100, 100, 49.5, 49.5)
-    pose = look_at([0, 0, 1], [0, 0, 0], up=[0, 1, 0])  # from above: x right, y up; the picture spans ±0.5 m
+    pose = look_at([0, 0, 1], [0, 0, 0], up=[0, 1, 0])  # from above: x right, y up; the image spans ±0.5 m
     scene = Scene((card("low", 0.0, 0.0), card("lid", 0.1, 0.1, 0.18), card("edge", 0.5, 0.0)))
     points = np.array(
         [np.concatenate([(c := rectangle_m(quad, (0, 0), quad.size_m)).mean(axis=0)[None], c]) for quad in scene.quads]

@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from peaksim.corpus.shard import members, shard_in
+from peaksim.corpus.shard import read_members, shard_in
 
 from tests.peaksim.corpus.helpers import MemoryFile
 
@@ -21,7 +21,7 @@ def tar(samples: dict[str, bytes]) -> bytes:
 
 
 def test_members_come_back_in_order() -> None:
-    assert list(members(tar(SAMPLES)).items()) == list(SAMPLES.items())
+    assert list(read_members(tar(SAMPLES)).items()) == list(SAMPLES.items())
 
 
 def test_the_bytes_hold_no_time_and_no_owner() -> None:

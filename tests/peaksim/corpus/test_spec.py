@@ -1,4 +1,4 @@
-"""Specifications: the shipped example, overrides, the way through JSON, and contradictions said in one line."""
+"""Specifications: the shipped example, overrides, a round trip through JSON, and contradictions said in one line."""
 
 from pathlib import Path
 from typing import Any

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from peaksim.corpus.spread import Spread, pick
+from peaksim.corpus.spread import Spread, pick_index
 from pydantic import ValidationError
 from scipy.stats import norm
 
@@ -53,7 +53,7 @@ def test_a_wide_normal_is_the_normal_distribution_and_a_narrow_one_is_cut() -> N
 
 
 def test_weights_are_shares_of_the_whole() -> None:
-    counts = np.bincount([pick((i + 0.5) / 1000, (1.0, 0.0, 3.0)) for i in range(1000)], minlength=3)
+    counts = np.bincount([pick_index((i + 0.5) / 1000, (1.0, 0.0, 3.0)) for i in range(1000)], minlength=3)
     assert counts.tolist() == [250, 0, 750]
 
 

@@ -1,4 +1,4 @@
-"""Domain randomisation: markers stay in their plane, as many as asked for; clutter stays in the room."""
+"""Domain randomisation: markers stay in their plane, as many as the specification needs; clutter stays in the room."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from peaksim.corpus.draws import sequence_draws
 from peaksim.corpus.plan import read_scene
-from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds, varied
+from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds, vary_scene
 from peaksim.errors import SceneError
 from peaksim.scene.file import build_setup, load_scene
 
@@ -33,7 +33,7 @@ def test_posters_are_counted_marker_by_marker() -> None:
 def test_nothing_varied_is_the_scene_itself(folder: Path) -> None:
     table, beside = read_scene("tiny.toml", folder)
     plain = build_setup(table, beside).scene
-    same = build_setup(varied(table, tiny_spec(), sequence_draws(0, 0)), beside).scene
+    same = build_setup(vary_scene(table, tiny_spec(), sequence_draws(0, 0)), beside).scene
     assert [q.name for q in same.quads] == [q.name for q in plain.quads]
     for a, b in zip(same.quads, plain.quads, strict=True):
         assert np.allclose(a.world_from_quad, b.world_from_quad, atol=1e-12)
@@ -47,7 +47,9 @@ def test_markers_move_in_their_plane_within_the_limits(folder: Path) -> None:
     changes = {"side_factor": [0.5, 1], "shift_m": [-0.1, 0.1], "turn_deg": [-90, 90]}
     spec = tiny_spec(markers={"kinds": ["surf-light"], **changes})
     for sequence in range(20):
-        for before, after in zip(table.markers, varied(table, spec, sequence_draws(0, sequence)).markers, strict=True):
+        for before, after in zip(
+            table.markers, vary_scene(table, spec, sequence_draws(0, sequence)).markers, strict=True
+        ):
             shift = np.subtract(after.center_m, before.center_m)
             across = np.cross(before.up, before.normal)
             assert abs(shift @ before.normal) < 1e-12
@@ -55,18 +57,18 @@ def test_markers_move_in_their_plane_within_the_limits(folder: Path) -> None:
             assert abs(shift @ across) <= 0.1
             assert 0.5 * before.side_m <= after.side_m <= before.side_m
             assert after.border_m / after.side_m == pytest.approx(before.border_m / before.side_m)
-            assert np.dot(after.up, before.up) >= -1e-12  # turned by at most 90°
+            assert np.dot(after.up, before.up) >= -1e-12  # rotated by at most 90°
             assert (after.kind, after.normal) == ("surf-light", before.normal)
 
 
 def test_as_many_markers_stay_as_are_kept_but_never_fewer_than_the_views_need() -> None:
     table, _ = read_scene("floor", Path("."))
     half = tiny_spec(markers={"keep": 0.5}, views=[{"kind": "random", "eye_m": [0, 1, 1], "target_m": [0, 2, 0]}])
-    counts = [len(varied(table, half, sequence_draws(0, i)).markers) for i in range(200)]
+    counts = [len(vary_scene(table, half, sequence_draws(0, i)).markers) for i in range(200)]
     assert np.mean(counts) == pytest.approx(7, abs=3 * np.sqrt(14 / 4 / 200))
     none = tiny_spec(markers={"keep": 0}, views=[{"kind": "marker", "distance_m": 1, "min_markers": 2}])
     assert markers_needed(none) == 2
-    assert {len(varied(table, none, sequence_draws(0, i)).markers) for i in range(10)} == {2}
+    assert {len(vary_scene(table, none, sequence_draws(0, i)).markers) for i in range(10)} == {2}
 
 
 def test_clutter_lies_in_the_room_and_varies(folder: Path) -> None:
@@ -74,7 +76,7 @@ def test_clutter_lies_in_the_room_and_varies(folder: Path) -> None:
     spec = tiny_spec(clutter={"papers": {"integers": [0, 4]}, "boxes": 2, "paper_m": [0.05, 0.2], "level": 40})
     counts = set()
     for sequence in range(10):
-        scene = build_setup(varied(table, spec, sequence_draws(0, sequence)), beside).scene
+        scene = build_setup(vary_scene(table, spec, sequence_draws(0, sequence)), beside).scene
         papers = [q for q in scene.quads if q.name.startswith("clutter")]
         counts.add(len(papers))
         assert len(scene.meshes) == 2
@@ -87,7 +89,7 @@ def test_clutter_lies_in_the_room_and_varies(folder: Path) -> None:
 def test_textures_take_the_listed_variants_and_contrasts(folder: Path) -> None:
     table, _ = read_scene("tiny.toml", folder)
     spec = tiny_spec(textures={"floor": {"variants": ["plain", "striped"], "contrast": [0.2, 0.4]}})
-    floors = [varied(table, spec, sequence_draws(0, i)).textures["floor"] for i in range(30)]
+    floors = [vary_scene(table, spec, sequence_draws(0, i)).textures["floor"] for i in range(30)]
     assert {tuple(floor.variants) for floor in floors} == {("plain",), ("striped",)}
     assert all(0.2 <= floor.contrast <= 0.4 for floor in floors)
     assert {floor.mean for floor in floors} == {None}
@@ -96,4 +98,4 @@ def test_textures_take_the_listed_variants_and_contrasts(folder: Path) -> None:
 def test_a_variant_that_is_not_there_is_named(folder: Path) -> None:
     table, _ = read_scene("tiny.toml", folder)
     with pytest.raises(SceneError, match=r"textures.floor.variants: expected some of plain, striped, got 'lawn'"):
-        varied(table, tiny_spec(textures={"floor": {"variants": ["lawn"]}}), sequence_draws(0, 0))
+        vary_scene(table, tiny_spec(textures={"floor": {"variants": ["lawn"]}}), sequence_draws(0, 0))

@@ -6,40 +6,42 @@ import numpy as np
 import pytest
 from peaksim import load_trajectory
 from peaksim.errors import SceneError
-from peaksim.geometry.trajectory import Trajectory, line, orbit
+from peaksim.geometry.pose import look_at
+from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import Format, save_trajectory
 
 
 @pytest.mark.parametrize("format", ["tum", "euroc", "kitti"])
 def test_write_then_read(tmp_path: Path, format: Format) -> None:
-    way = orbit([0, 0, 0], 2.0, 1.0, duration_s=3.6, steps=36)  # 0.1 s a step, which KITTI assumes
-    save_trajectory(way, tmp_path / "way", format)
-    again = load_trajectory(tmp_path / "way")
-    assert np.allclose(again.times_s, way.times_s, atol=1e-9)
-    assert np.allclose(again.world_from_camera, way.world_from_camera, atol=1e-12)
+    poses = [look_at(eye, [0, 0, 0.5]) for eye in np.random.default_rng(0).normal(size=(37, 3))]
+    trajectory = Trajectory(0.1 * np.arange(37), np.stack(poses))  # 0.1 s a step, which KITTI assumes
+    save_trajectory(trajectory, tmp_path / "path", format)
+    again = load_trajectory(tmp_path / "path")
+    assert np.allclose(again.times_s, trajectory.times_s, atol=1e-9)
+    assert np.allclose(again.world_from_camera, trajectory.world_from_camera, atol=1e-12)
 
 
 def test_tum_as_its_authors_define_it(tmp_path: Path) -> None:
-    # a quarter turn about z: (qx, qy, qz, qw) = (0, 0, √½, √½); x of the camera points along world y
+    # a rotation by 90° about z: (qx, qy, qz, qw) = (0, 0, √½, √½); x of the camera points along world y
     (tmp_path / "g.txt").write_text("# timestamp tx ty tz qx qy qz qw\n1305031.5 1 2 3 0 0 0.70710678 0.70710678\n")
-    way = load_trajectory(tmp_path / "g.txt")
-    assert way.times_s == [1305031.5]
-    assert np.allclose(way.world_from_camera[0, :3], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]], atol=1e-7)
+    trajectory = load_trajectory(tmp_path / "g.txt")
+    assert trajectory.times_s == [1305031.5]
+    assert np.allclose(trajectory.world_from_camera[0, :3], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]], atol=1e-7)
 
 
 def test_euroc_has_nanoseconds_w_first_and_further_columns(tmp_path: Path) -> None:
     rows = "\n".join(f"{1403636580838555648 + i * 5_000_000},1,2,3,0.70710678,0,0,0.70710678,9,9,9" for i in range(3))
     (tmp_path / "data.csv").write_text("#timestamp, p_RS_R_x [m], ...\n" + rows)
-    way = load_trajectory(tmp_path / "data.csv")
-    assert np.allclose(np.diff(way.times_s), 0.005, atol=1e-12)
-    assert np.allclose(way.world_from_camera[0, :3], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]], atol=1e-7)
+    trajectory = load_trajectory(tmp_path / "data.csv")
+    assert np.allclose(np.diff(trajectory.times_s), 0.005, atol=1e-12)
+    assert np.allclose(trajectory.world_from_camera[0, :3], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3]], atol=1e-7)
 
 
 def test_kitti_rotations_with_few_decimals_are_mended(tmp_path: Path) -> None:
     (tmp_path / "00.txt").write_text("0.8660 -0.5 0 1 0.5 0.8660 0 2 0 0 1 3\n")
-    way = load_trajectory(tmp_path / "00.txt")
-    assert np.allclose(way.world_from_camera[0, :3, 3], [1, 2, 3])
-    assert way.world_from_camera[0, 1, 0] == pytest.approx(0.5, abs=1e-4)
+    trajectory = load_trajectory(tmp_path / "00.txt")
+    assert np.allclose(trajectory.world_from_camera[0, :3, 3], [1, 2, 3])
+    assert trajectory.world_from_camera[0, 1, 0] == pytest.approx(0.5, abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +79,7 @@ def test_missing_and_binary_files(tmp_path: Path) -> None:
 
 
 def test_times_of_a_short_way_survive(tmp_path: Path) -> None:
-    way = line(np.eye(4), np.eye(4), 1 / 3)
-    save_trajectory(way, tmp_path / "w")
+    trajectory = Trajectory(np.array([0, 1 / 3]), np.stack([np.eye(4)] * 2))
+    save_trajectory(trajectory, tmp_path / "w")
     assert isinstance(again := load_trajectory(tmp_path / "w"), Trajectory)
     assert again.times_s[1] == 1 / 3

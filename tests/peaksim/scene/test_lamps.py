@@ -129,7 +129,7 @@ def test_a_scene_file_states_lights_materials_and_a_lens(folder: Path) -> None:
         ("radiance = 5", "radiance = -5", r"lights\[0\].area.radiance: .*greater than or equal to 0"),
         ("radiance = 5", "intensity = 5", r"lights\[0\].area.intensity: unknown field$"),
         ("size_m = [1, 0.5]", "size_m = [0, 1]", r"lights\[0\].area.size_m\[0\]: .*greater than 0"),
-        ('file = "sky.png"', 'file = "scene.toml"', r"lights\[1\].file: .*expected a picture"),
+        ('file = "sky.png"', 'file = "scene.toml"', r"lights\[1\].file: .*expected an image"),
         ('file = "sky.png"', 'file = "none.png"', r"lights\[1\].file: expected a file"),
         ('kind = "ambient"', 'kind = "neon"', r"lights\[3\]: .*'area', 'window', 'environment'"),
         ('material = "paper"', 'material = "wood"', r"textures.wall.material: expected one of paper, laminate"),

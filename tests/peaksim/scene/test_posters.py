@@ -8,7 +8,7 @@ import pytest
 from peaksim import load_scene, shipped
 from peaksim.errors import SceneError
 from peaksim.image_file import read_image
-from peaksim.scene.posters import copies_of, print_poster
+from peaksim.scene.posters import poster_copies, print_poster
 from peaksim.scene.schema import PosterTable
 from pydantic import ValidationError
 
@@ -50,19 +50,19 @@ def test_patterns_lie_where_the_marks_say(side_m: float, pitch_m: float) -> None
 
 
 def test_copies_hang_side_by_side_on_one_texture() -> None:
-    quads = list(copies_of(table(copies=(3, 2), step_m=(0.3, 0.4), normal=(0, 0, 1), up=(0, 1, 0)), "p"))
+    quads = list(poster_copies(table(copies=(3, 2), step_m=(0.3, 0.4), normal=(0, 0, 1), up=(0, 1, 0)), "p"))
     assert [q.name for q in quads] == [f"p{k:02d}" for k in range(1, 7)]
-    places = [q.world_from_quad[:3, 3] for q in quads]
-    assert np.allclose(places, [(x, y, 1.0) for y in (0.2, -0.2) for x in (-0.3, 0, 0.3)])
+    positions = [q.world_from_quad[:3, 3] for q in quads]
+    assert np.allclose(positions, [(x, y, 1.0) for y in (0.2, -0.2) for x in (-0.3, 0, 0.3)])
     assert len({id(q.texture) for q in quads}) == 1
     assert quads[4].marks[2].name == "p05.r1c1"
     assert len({m.name for q in quads for m in q.marks}) == 18
 
 
 def test_a_turned_poster_turns_about_its_middle() -> None:
-    (straight,), (turned,) = copies_of(table(), "p"), copies_of(table(turn_deg=90), "p")
-    assert np.allclose(straight.world_from_quad[:3, 3], turned.world_from_quad[:3, 3])
-    assert np.allclose(turned.world_from_quad[:3, 0], straight.world_from_quad[:3, 1])
+    (straight,), (rotated,) = poster_copies(table(), "p"), poster_copies(table(turn_deg=90), "p")
+    assert np.allclose(straight.world_from_quad[:3, 3], rotated.world_from_quad[:3, 3])
+    assert np.allclose(rotated.world_from_quad[:3, 0], straight.world_from_quad[:3, 1])
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from peaksim.camera.camera import resized
 from peaksim.camera.thin_lens import ThinLens
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, look_at, rotation_about
-from peaksim.geometry.trajectory import line
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import Material
 
@@ -38,9 +37,9 @@ WHITE = Texture.from_array(np.full((1, 1), 255, np.uint8))
 
 
 def moving(pose: np.ndarray) -> Trajectory:
-    """Return a way that passes a pose at 0.05 s, at 2 m/s sideways and 180 °/s."""
+    """Return a path that passes a pose at 0.05 s, at 2 m/s sideways and 180 °/s."""
     ends = [pose @ compose(rotation_about("z", 9.0 * k), [0.1 * k, 0, 0]) for k in (-1, 1)]
-    return line(ends[0], ends[1], 0.1)
+    return Trajectory(np.array([0.0, 0.1]), np.stack(ends))
 
 
 def view(camera: Camera, pose: np.ndarray = POSE) -> tuple[np.ndarray | Trajectory, float]:
@@ -230,7 +229,7 @@ def test_the_surroundings_stand_the_right_way_round() -> None:
 
 
 def crop(camera: Camera, middle_px: tuple[int, int], side: int = 32) -> Camera:
-    """Return the camera's pixels around a place."""
+    """Return the camera's pixels around a position."""
     left, top = middle_px[0] - side // 2, middle_px[1] - side // 2
     return replace(camera, width=side, height=side, cx=camera.cx - left, cy=camera.cy - top)
 
@@ -253,7 +252,7 @@ def area_and_centroid(xy: np.ndarray) -> tuple[float, np.ndarray]:
 
 @pytest.mark.parametrize("name", BLOB_CAMERAS)
 @pytest.mark.parametrize("middle_px", [(330, 200), (110, 90), (560, 420)])
-def test_blobs_lie_where_the_shot_projects_their_centres(name: str, middle_px: tuple[int, int]) -> None:
+def test_blobs_lie_where_the_camera_projects_their_centres(name: str, middle_px: tuple[int, int]) -> None:
     camera = crop(BLOB_CAMERAS[name], middle_px)
     n = np.arange(129) - 64.0
     disc = np.where(np.hypot(*np.meshgrid(n, n)) < 56, 0, 255).astype(np.uint8)
@@ -271,7 +270,7 @@ def test_blobs_lie_where_the_shot_projects_their_centres(name: str, middle_px: t
     angle = np.linspace(0, 2 * np.pi, 512, endpoint=False)
     rim = 56 / 129 * side_m * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     outline = rim @ facing.T + blob.world_from_quad[:3, 3]
-    moments = frame.shot.moments(16) if camera.exposure_s else (frame.shot,)
+    moments = frame.posed_camera.moments(16) if camera.exposure_s else (frame.posed_camera,)
     areas, centres = zip(*(area_and_centroid(moment.project(outline)) for moment in moments), strict=True)
     assert weight.sum() / 255 == pytest.approx(np.mean(areas), rel=0.01)
     assert np.linalg.norm(centroid - np.average(centres, axis=0, weights=areas)) < 0.02

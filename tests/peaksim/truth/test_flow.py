@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from peaksim import Camera, Quad, Scene, Texture, Trajectory, optical_flow, render
+from peaksim import Camera, Quad, Scene, Trajectory, optical_flow, render
 from peaksim.geometry.pose import compose
-from peaksim.truth.flow import points_m
+from peaksim.truth.flow import surface_points
+
+from tests.peaksim.shapes import plain_texture
 
 CAMERA = Camera(width=48, height=36, fx=40.0, fy=40.0, cx=23.5, cy=17.5)
-GREY = Texture.from_array(np.full((1, 1), 90, np.uint8))
+GREY = plain_texture(90)
 FLOOR = Quad("floor", GREY, (4.0, 4.0), np.eye(4))
 CARD = Quad("card", GREY, (0.3, 0.3), compose(np.eye(3), [0, 0, 0.5]))
 
@@ -24,7 +26,7 @@ def test_a_plane_moves_evenly_and_a_nearer_card_twice_as_far() -> None:
     assert np.allclose(flow.xy[first.quad_ids == 0], [-4, 0], atol=1e-4)
     assert np.allclose(flow.xy[first.quad_ids == 1], [-8, 0], atol=1e-4)
     assert flow.visible[first.quad_ids == 1].all()
-    # the card, 24 px wide, hides 4 columns of floor left of it; 4 others leave the picture
+    # the card, 24 px wide, hides 4 columns of floor left of it; 4 others leave the image
     hidden = ~flow.visible[18] & (first.quad_ids[18] == 0)
     assert np.flatnonzero(hidden).tolist() == [0, 1, 2, 3, 8, 9, 10, 11]
 
@@ -40,9 +42,9 @@ def test_where_nothing_is_there_is_no_flow() -> None:
 
 def test_a_rolling_shutters_points_are_those_it_shows() -> None:
     scene = Scene((FLOOR, CARD))
-    way = Trajectory(np.array([-1.0, 1.0]), np.stack([above(-1.0), above(1.0)]))
-    frame = render(scene, replace(CAMERA, row_time_s=1e-3), way, renderer="exact")
-    points = points_m(frame)
+    trajectory = Trajectory(np.array([-1.0, 1.0]), np.stack([above(-1.0), above(1.0)]))
+    frame = render(scene, replace(CAMERA, row_time_s=1e-3), trajectory, renderer="exact")
+    points = surface_points(frame)
     assert np.allclose(points[:, 2], np.where(frame.quad_ids.ravel() == 1, 0.5, 0.0), atol=1e-6)
     flow = optical_flow(scene, frame, frame)
     assert np.abs(flow.xy).max() < 1e-4

@@ -1,4 +1,4 @@
-"""Visible fractions that are known without sampling agree with sampled ones, whatever stands in the way."""
+"""Visible fractions that are known without sampling agree with sampled ones, whatever stands between."""
 
 from itertools import pairwise
 
@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from peaksim.area.rays import solids_of
 from peaksim.camera.camera import Camera
-from peaksim.camera.shutter import Shot, still
+from peaksim.camera.shutter import PosedCamera, still_camera
 from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.scene.scene import Mark, Quad, Scene, rectangle_m
 from peaksim.scene.texture import Texture
@@ -38,9 +38,9 @@ def random_scene(rng: np.random.Generator) -> Scene:
     wall = Quad("wall", GREY, (4.0, 4.0), compose(np.eye(3), [0, 0, -0.002]))
     cards = []
     for k in range(int(rng.integers(0, 5))):
-        turn = rotation_about("x", rng.uniform(0, 360)) @ rotation_about("y", rng.uniform(0, 360))
-        place = [*rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.5, 2.5)]
-        cards.append(Quad(f"card{k}", GREY, tuple(rng.uniform(0.05, 0.6, 2)), compose(turn, place)))
+        rotation = rotation_about("x", rng.uniform(0, 360)) @ rotation_about("y", rng.uniform(0, 360))
+        position = [*rng.uniform(-0.8, 0.8, 2), rng.uniform(-0.5, 2.5)]
+        cards.append(Quad(f"card{k}", GREY, tuple(rng.uniform(0.05, 0.6, 2)), compose(rotation, position)))
     return Scene(quads=(wall, poster, *cards))
 
 
@@ -49,32 +49,32 @@ def test_certain_fractions_are_those_that_sampling_gives(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene = random_scene(rng)
     eye, target = [*rng.uniform(-1.5, 1.5, 2), rng.uniform(0.8, 2.5)], [*rng.uniform(-0.7, 0.7, 2), 0.0]
-    shot = still(CAMERAS[seed % 3], look_at(eye, target, up=(0.1, 1, 0)))
+    posed = still_camera(CAMERAS[seed % 3], look_at(eye, target, up=(0.1, 1, 0)))
     solids = solids_of(scene, quads=True)
     poster = scene.quads[1]
-    for truth, mark in zip(marker_truth(scene, shot), poster.marks, strict=True):
+    for truth, mark in zip(marker_truth(scene, posed), poster.marks, strict=True):
         corners = rectangle_m(poster, mark.center_m, (mark.side_m, mark.side_m))
-        sampled = visible_fraction(shot, solids, 1, corners)
-        cut_exactly = 0 < truth.visible_fraction < 1 and not may_hide_any(scene, shot, corners)
+        sampled = visible_fraction(posed, solids, 1, corners)
+        cut_exactly = 0 < truth.visible_fraction < 1 and not may_hide_any(scene, posed, corners)
         assert abs(truth.visible_fraction - sampled) <= (0.012 if cut_exactly else 1e-12)
 
 
-def may_hide_any(scene: Scene, shot: Shot, corners: np.ndarray) -> bool:
+def may_hide_any(scene: Scene, posed: PosedCamera, corners: np.ndarray) -> bool:
     """Return whether any quad but the poster may lie before a rectangle."""
     others = np.array([quad.corners_m for quad in scene.quads if quad.name != "poster"])
-    return bool(may_hide(shot.pose[:3, 3], corners, others).any())
+    return bool(may_hide(posed.pose[:3, 3], corners, others).any())
 
 
-@pytest.mark.parametrize("turn", [0.0, 17.0])
-def test_of_sheets_in_one_plane_the_later_one_is_seen(turn: float) -> None:
+@pytest.mark.parametrize("angle_deg", [0.0, 17.0])
+def test_of_sheets_in_one_plane_the_later_one_is_seen(angle_deg: float) -> None:
     """The sheet covers the right half of the marker."""
-    poses = [compose(rotation_about("y", turn), rotation_about("y", turn) @ [x, 0, 0]) for x in (0.0, 0.5)]
+    poses = [compose(rotation_about("y", angle_deg), rotation_about("y", angle_deg) @ [x, 0, 0]) for x in (0.0, 0.5)]
     marker, sheet = Quad("marker", GREY, (1, 1), poses[0], "any"), Quad("sheet", GREY, (1, 2), poses[1])
-    shot = still(CAMERAS[0], look_at([0.3, -1.0, 4.0], [0, 0, 0]))
-    assert marker_truth(Scene(quads=(sheet, marker)), shot)[0].visible_fraction == 1.0
-    (truth,) = marker_truth(Scene(quads=(marker, sheet)), shot)
+    posed = still_camera(CAMERAS[0], look_at([0.3, -1.0, 4.0], [0, 0, 0]))
+    assert marker_truth(Scene(quads=(sheet, marker)), posed)[0].visible_fraction == 1.0
+    (truth,) = marker_truth(Scene(quads=(marker, sheet)), posed)
     parts = rectangle_m(marker, (-0.25, 0), (0.5, 1)), marker.corners_m
-    left_half, whole = (polygon_area(shot.project(part)) for part in parts)
+    left_half, whole = (polygon_area(posed.project(part)) for part in parts)
     assert truth.visible_fraction == pytest.approx(left_half / whole, abs=0.01)
     faces = np.stack([marker.corners_m, sheet.corners_m])
     assert np.array_equal(faces_before(faces, 0), faces[1:])
@@ -83,25 +83,27 @@ def test_of_sheets_in_one_plane_the_later_one_is_seen(turn: float) -> None:
 
 
 @given(st.floats(0, 6.28), st.floats(-1.2, 1.2), st.floats(0.6, 3.0))
-def test_what_the_border_cuts_off_is_exact(turn: float, aside: float, height: float) -> None:
+def test_what_the_border_cuts_off_is_exact(angle_rad: float, aside: float, height: float) -> None:
     scene = Scene(quads=(Quad("marker", GREY, (0.5, 0.5), np.eye(4), "any"),))
-    shot = still(CAMERAS[0], look_at([0.0, -0.3, height], [aside, 0.1, 0], up=(np.sin(turn), np.cos(turn), 0.2)))
-    (truth,) = marker_truth(scene, shot)
+    posed = still_camera(
+        CAMERAS[0], look_at([0.0, -0.3, height], [aside, 0.1, 0], up=(np.sin(angle_rad), np.cos(angle_rad), 0.2))
+    )
+    (truth,) = marker_truth(scene, posed)
     frame = np.array([[-0.5, -0.5], [319.5, -0.5], [319.5, 239.5], [-0.5, 239.5]], np.float32)
     inside, _ = cv2.intersectConvexConvex(truth.corners_xy.astype(np.float32), frame)
     assert truth.visible_fraction == pytest.approx(inside / truth.side_px**2, abs=1e-4)
 
 
 @given(st.integers(0, 2**32))
-def test_patches_weigh_what_they_cover_in_the_picture(seed: int) -> None:
+def test_patches_weigh_what_they_cover_in_the_image(seed: int) -> None:
     rng = np.random.default_rng(seed)
     marker = Quad("marker", GREY, (0.4, 0.4), compose(rotation_about("x", rng.uniform(0, 60)), [0, 0, 0]))
-    shot = still(CAMERAS[0], look_at(rng.uniform([-1, -1, 1], [1, 1, 3]), [0, 0, 0]))
+    posed = still_camera(CAMERAS[0], look_at(rng.uniform([-1, -1, 1], [1, 1, 3]), [0, 0, 0]))
     centers = rng.uniform(-0.19, 0.19, (20, 2))
-    areas = [polygon_area(shot.project(rectangle_m(marker, (x, y), (1e-3, 1e-3)))) for x, y in centers]
+    areas = [polygon_area(posed.project(rectangle_m(marker, (x, y), (1e-3, 1e-3)))) for x, y in centers]
     points = np.array([rectangle_m(marker, (x, y), (1e-3, 1e-3)).mean(axis=0) for x, y in centers])
-    weights = area_weights(shot, points, marker.corners_m)
-    assert area_weights(shot, points - 10 * shot.pose[:3, 2], marker.corners_m).tolist() == [0.0] * 20
+    weights = area_weights(posed, points, marker.corners_m)
+    assert area_weights(posed, points - 10 * posed.pose[:3, 2], marker.corners_m).tolist() == [0.0] * 20
     assert np.allclose(weights / weights.sum(), np.array(areas) / np.sum(areas), rtol=1e-5)
 
 
@@ -121,23 +123,23 @@ def test_a_card_hides_what_lies_behind_it_only() -> None:
     assert may_hide(eye, square, np.zeros((0, 4, 3))).shape == (0,)
 
 
-def counted_fraction(scene: Scene, shot: Shot, corners: np.ndarray, side: int = 200) -> float:
-    """Return the visible share of a rectangle by casting side² rays over its box in the picture and beyond."""
+def counted_fraction(scene: Scene, posed: PosedCamera, corners: np.ndarray, side: int = 200) -> float:
+    """Return the visible share of a rectangle by casting side² rays over its box in the image and beyond."""
     rim = corners[[0, 1, 2, 3, 0]]
     steps = np.linspace(0, 1, 20)[:, None]
-    edges_xy = shot.project(np.concatenate([a + steps * (b - a) for a, b in pairwise(rim)]))
+    edges_xy = posed.project(np.concatenate([a + steps * (b - a) for a, b in pairwise(rim)]))
     (x0, y0), (x1, y1) = edges_xy.min(axis=0), edges_xy.max(axis=0)
     x, y = np.meshgrid(*(low + (np.arange(side) + 0.5) / side * (high - low) for low, high in ((x0, x1), (y0, y1))))
     xy = np.stack([x.ravel(), y.ravel()], axis=1)
-    _, _, rays = shot.rays(xy)
-    eye = shot.pose[:3, 3]
+    _, _, rays = posed.rays(xy)
+    eye = posed.pose[:3, 3]
     reach, on_mark = _plane_hits(eye, rays, corners)
     free = np.ones(len(rays), dtype=bool)
     for quad in scene.quads:
         if quad.name != "poster":
             other, hit = _plane_hits(eye, rays, quad.corners_m)
             free &= ~(hit & (other < reach))
-    inside = ((xy >= -0.5) & (xy <= [shot.camera.width - 0.5, shot.camera.height - 0.5])).all(axis=1)
+    inside = ((xy >= -0.5) & (xy <= [posed.camera.width - 0.5, posed.camera.height - 0.5])).all(axis=1)
     whole, own = int(on_mark.sum()), int((on_mark & free & inside).sum())
     return own / whole if whole else 0.0
 
@@ -158,10 +160,12 @@ def test_visible_fractions_are_those_of_a_count_for_a_hundred_occlusions() -> No
     while partly < 100:
         scene, (x, y) = random_scene(rng), rng.uniform(-0.9, 0.9, 2)
         camera = CAMERAS[partly % 3]
-        shot = still(camera, look_at([*rng.uniform(-1.5, 1.5, 2), rng.uniform(1, 2)], [x, y, 0], up=(0.1, 1, 0)))
+        posed = still_camera(
+            camera, look_at([*rng.uniform(-1.5, 1.5, 2), rng.uniform(1, 2)], [x, y, 0], up=(0.1, 1, 0))
+        )
         poster = scene.quads[1]
-        for truth, mark in zip(marker_truth(scene, shot), poster.marks, strict=True):
+        for truth, mark in zip(marker_truth(scene, posed), poster.marks, strict=True):
             if 0 < truth.visible_fraction < 1:
                 corners = rectangle_m(poster, mark.center_m, (mark.side_m, mark.side_m))
-                assert abs(truth.visible_fraction - counted_fraction(scene, shot, corners)) < 0.01
+                assert abs(truth.visible_fraction - counted_fraction(scene, posed, corners)) < 0.01
                 partly += 1

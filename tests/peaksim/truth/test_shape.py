@@ -1,11 +1,11 @@
-"""Affinity and ellipse of a marker against numerical differences, moments of the picture, and what is known by hand."""
+"""Affinity and ellipse of a marker against numerical differences, moments of the image, and what is known by hand."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from peaksim import Camera, Quad, Scene, Texture, render
-from peaksim.camera.shutter import still
+from peaksim.camera.shutter import still_camera
 from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.scene.scene import Mark, rectangle_m
 from peaksim.truth.shape import affinities, ellipses
@@ -26,32 +26,32 @@ def test_seen_squarely_the_affinity_is_the_side_and_the_ellipse_a_circle() -> No
 
 def corners_and_shot(seed: int, camera: Camera) -> tuple[np.ndarray, object]:
     rng = np.random.default_rng(seed)
-    turn = rotation_about("x", rng.uniform(-60, 60)) @ rotation_about("z", rng.uniform(0, 360))
-    quad = Quad("q", GREY, (0.3, 0.3), compose(turn, [0, 0, 0]))
+    rotation = rotation_about("x", rng.uniform(-60, 60)) @ rotation_about("z", rng.uniform(0, 360))
+    quad = Quad("q", GREY, (0.3, 0.3), compose(rotation, [0, 0, 0]))
     pose = look_at([*rng.uniform(-0.4, 0.4, 2), rng.uniform(0.8, 2)], [*rng.uniform(-0.2, 0.2, 2), 0], up=(0, 1, 0.1))
-    return rectangle_m(quad, (0, 0), (0.3, 0.3))[None], still(camera, pose)
+    return rectangle_m(quad, (0, 0), (0.3, 0.3))[None], still_camera(camera, pose)
 
 
 @pytest.mark.parametrize("camera", [CAMERA, LENS])
 @given(st.integers(0, 2**32))
 def test_the_affinity_predicts_points_near_the_centre(camera: Camera, seed: int) -> None:
-    corners, shot = corners_and_shot(seed, camera)
+    corners, posed = corners_and_shot(seed, camera)
     (top_left, top_right, _, bottom_left), center = corners[0], corners[0].mean(axis=0)
     step = np.array([0.006, -0.004])
-    xy = shot.project([center, center + step[0] * (top_right - top_left) + step[1] * (bottom_left - top_left)])
-    assert np.allclose(xy[1] - xy[0], affinities(shot, corners)[0] @ step, atol=0.02)
+    xy = posed.project([center, center + step[0] * (top_right - top_left) + step[1] * (bottom_left - top_left)])
+    assert np.allclose(xy[1] - xy[0], affinities(posed, corners)[0] @ step, atol=0.02)
 
 
 @given(st.integers(0, 2**32))
 def test_the_rim_lies_on_the_ellipse(seed: int) -> None:
-    corners, shot = corners_and_shot(seed, CAMERA)
+    corners, posed = corners_and_shot(seed, CAMERA)
     top_left, top_right, _, bottom_left = corners[0]
-    turns = np.linspace(0, 2 * np.pi, 7)[:, None]
+    angles = np.linspace(0, 2 * np.pi, 7)[:, None]
     across, down = (top_right - top_left) / 2, (bottom_left - top_left) / 2
-    rim = corners[0].mean(axis=0) + np.cos(turns) * across + np.sin(turns) * down
-    ellipse = ellipses(shot, corners)[0]
+    rim = corners[0].mean(axis=0) + np.cos(angles) * across + np.sin(angles) * down
+    ellipse = ellipses(posed, corners)[0]
     angle = np.radians(ellipse.angle_deg)
-    away = (shot.project(rim) - ellipse.center_xy) @ [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    away = (posed.project(rim) - ellipse.center_xy) @ [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     assert np.allclose(np.hypot(*(away / ellipse.semi_axes_px).T), 1, atol=2e-3)
     assert ellipse.semi_axes_px[0] >= ellipse.semi_axes_px[1] > 0
     assert 0 <= ellipse.angle_deg <= 180
@@ -59,6 +59,6 @@ def test_the_rim_lies_on_the_ellipse(seed: int) -> None:
 
 def test_behind_the_camera_there_is_no_ellipse() -> None:
     corners, _ = corners_and_shot(1, CAMERA)
-    away = still(CAMERA, look_at([0, 0, 1], [0, 0, 2], up=(0, 1, 0)))
+    away = still_camera(CAMERA, look_at([0, 0, 1], [0, 0, 2], up=(0, 1, 0)))
     assert np.isnan(ellipses(away, corners)[0].center_xy).all()
     assert np.isnan(affinities(away, corners)).all()

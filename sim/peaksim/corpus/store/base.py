@@ -1,4 +1,4 @@
-"""What a store of a corpus can do."""
+"""The interface of a store of a corpus."""
 
 import io
 from collections.abc import Iterable, Iterator
@@ -42,7 +42,7 @@ class Store(Protocol):
     """As the user gave it."""
 
     def create(self, name: str, *, lasting: bool = True) -> AbstractContextManager[Writing]:
-        """Give a binary file to write in a `with` block; it appears under its name when the block ends well.
+        """Yield a binary file to write in a `with` block; it appears under its name when the block ends well.
 
         From then on it survives a loss of power; one that is not `lasting` does so from the next `settle` on.
         """
@@ -60,10 +60,10 @@ class Store(Protocol):
         """Yield the names of all files below a folder ("a/b/"), in no particular order."""
 
     def alone(self) -> AbstractContextManager[None]:
-        """Keep other runs away for the length of a `with` block, where that is possible."""
+        """Exclude other runs during a `with` block, where that is possible."""
 
 
-def write(store: Store, name: str, content: bytes, *, lasting: bool = True) -> str:
+def write_file(store: Store, name: str, content: bytes, *, lasting: bool = True) -> str:
     """Write a whole file and return its SHA-256; see `Store.create`."""
     with store.create(name, lasting=lasting) as file:
         file.write(content)

@@ -19,7 +19,7 @@ class BucketStore:
 
     @contextmanager
     def create(self, name: str, *, lasting: bool = True) -> Iterator[Writing]:
-        """Give a local file; it is uploaded when the block ends without an exception, and lasting then."""
+        """Yield a local file; it is uploaded when the block ends without an exception, and lasting then."""
         path = self._path(name)
         with tempfile.NamedTemporaryFile() as file:
             yield Writing(file)

@@ -13,7 +13,7 @@ from peaksim.corpus.store.base import Writing, is_safe
 from peaksim.errors import InputError
 
 _UNFINISHED = ".unfinished"
-_SYNCS = 16  # files that are synced side by side
+_SYNCS = 16  # files that are synced at once
 
 
 class FolderStore:
@@ -31,7 +31,11 @@ class FolderStore:
 
     @contextmanager
     def create(self, name: str, *, lasting: bool = True) -> Iterator[Writing]:
-        """Give a file; it is synced if `lasting` and renamed to its name when the block ends without an exception."""
+        """Yield a file; it is synced if `lasting` and renamed to its name when the block ends without an exception.
+
+        Unlike `peaksim.whole_file` it writes in a folder of its own under a unique name: workers of several machines
+        may write one file at a time, and what a killed run leaves is cleared without a look at the finished files.
+        """
         target = self._path(name)
         with self._reported(name):
             (self.root / _UNFINISHED).mkdir(exist_ok=True)
@@ -49,7 +53,7 @@ class FolderStore:
                 Path(path).unlink(missing_ok=True)
 
     def settle(self, names: Iterable[str]) -> None:
-        """Sync files, side by side: a disk then writes many at once."""
+        """Sync files in parallel: a disk then writes many at once."""
 
         def sync(name: str) -> None:
             with self._reported(name), self._path(name).open("rb") as file:
@@ -68,7 +72,7 @@ class FolderStore:
         return self._path(name).is_file()
 
     def names(self, prefix: str = "") -> Iterator[str]:
-        """Yield the names of all files below a folder; unfinished ones are none."""
+        """Yield the names of all files below a folder; unfinished files are left out."""
         for folder, _, files in os.walk(self.root / prefix):
             relative = Path(folder).relative_to(self.root)
             if relative.parts[:1] != (_UNFINISHED,):
@@ -76,7 +80,7 @@ class FolderStore:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Keep other runs away, and clear what a killed one left unfinished; the kernel frees the lock at any end."""
+        """Exclude other runs, and clear what a killed run left unfinished; the kernel frees the lock in any case."""
         handle = os.open(self.root, os.O_RDONLY)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

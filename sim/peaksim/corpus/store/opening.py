@@ -1,4 +1,4 @@
-"""Where a corpus lies: a folder, or a bucket behind an fsspec URL such as s3://bucket/name.
+"""Where a corpus is kept: a folder, or a bucket behind an fsspec URL such as s3://bucket/name.
 
 A file appears under its name whole or not at all: in a folder by writing elsewhere and renaming; in a bucket because
 an object exists only once its upload is complete.
@@ -15,6 +15,6 @@ def open_store(dest: str, *, new: bool = False) -> Store:
     Raises
     ------
     InputError
-        One line: it is missing, no folder, or cannot be reached or written.
+        One line: it is missing, not a folder, or cannot be reached or written.
     """
     return BucketStore(dest) if "://" in dest else FolderStore(dest, new=new)

@@ -19,17 +19,20 @@ from peakmark import surf
 from peakmark.errors import InputError
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
+from peakmark.score.wanted import TOLERANCE_PX
 
 WALLS = ("dark", "light", "mixed")
 """Names of the dense posters in `scenes/cave.toml`."""
 
 DISTANCE_M = 1.5
+"""Of the cameras from the wall."""
+
 APART_DEG = 30.0
 """Angle between the two views, half to each side of the wall's normal."""
 
-TOLERANCE_PX = 3.0
 SCALE_RATIO = 1.5
-"""A feature repeats if one of like scale lies within the tolerance of where its point on the wall is seen."""
+"""A feature repeats if one whose scale is within this factor lies within `TOLERANCE_PX` of where its point on the wall
+is seen. Chosen by hand: the sizes of neighbouring layers of SURF's first octave are 15 and 21 px, 1.4 times apart."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,26 @@ class Patch:
     """(4, 3) its outline."""
     normal: NDArray[np.float64]
     """(3,) out of the wall."""
+
+
+@dataclass(frozen=True)
+class WallFeatures:
+    """The feature points of a wall."""
+
+    wall: str
+    """Name of its posters."""
+    posters: bool
+    """Whether they hang there."""
+    features: int
+    """In the first view of the patch."""
+    features_per_megapixel: float
+    """Of the patch in that view."""
+    in_both_views: int
+    """Those whose point on the wall lies in the second view, too."""
+    repeated: int
+    """Those that were found there again."""
+    repeatability: float | None
+    """Share of them; None without any."""
 
 
 def patch_of(scene: Scene, name: str) -> Patch:
@@ -71,8 +94,8 @@ def two_views(patch: Patch) -> tuple[Pose, Pose]:
     return left, right
 
 
-def measure(setup: Setup, name: str, has_posters: bool, threshold: float, seed: int) -> dict[str, Any]:
-    """Return features a megapixel of the patch, and the share that repeats, with or without its posters."""
+def count_features(setup: Setup, name: str, has_posters: bool, threshold: float, seed: int) -> WallFeatures:
+    """Return the features of a wall's patch, and how many repeat, with or without its posters."""
     patch = patch_of(setup.scene, name)
     kept = tuple(quad for quad in setup.scene.quads if has_posters or not quad.marks)
     scene, camera = replace(setup.scene, quads=kept), setup.camera
@@ -85,19 +108,19 @@ def measure(setup: Setup, name: str, has_posters: bool, threshold: float, seed: 
         found.append(features[_is_inside(camera, pose, patch, features.xy)])
     megapixels = _area_px(camera, poses[0], patch) / 1e6
     common, repeated = repeats(camera, poses, patch, found)
-    return {
-        "wall": name,
-        "posters": has_posters,
-        "features": len(found[0]),
-        "features_per_megapixel": len(found[0]) / megapixels,
-        "in_both_views": common,
-        "repeated": repeated,
-        "repeatability": repeated / common if common else None,
-    }
+    return WallFeatures(
+        wall=name,
+        posters=has_posters,
+        features=len(found[0]),
+        features_per_megapixel=len(found[0]) / megapixels,
+        in_both_views=common,
+        repeated=repeated,
+        repeatability=repeated / common if common else None,
+    )
 
 
 def repeats(camera: Camera, poses: tuple[Pose, Pose], patch: Patch, found: Sequence[Keypoints]) -> tuple[int, int]:
-    """Return how many features of the first view lie in the second picture, and how many were found there again."""
+    """Return how many features of the first view lie in the second image, and how many were found there again."""
     first, second = found
     points = on_plane(camera, poses[0], patch, first.xy)
     xy = camera.project(transform(invert(poses[1]), points))
@@ -129,7 +152,7 @@ def _is_inside(camera: Camera, pose: Pose, patch: Patch, xy: NDArray[np.float32]
 
 
 def _area_px(camera: Camera, pose: Pose, patch: Patch) -> float:
-    """Return the area of the patch in the picture, what lies outside left out; patches in part outside too."""
+    """Return the area of the patch in the image; parts outside the image do not count."""
     xy = camera.project(transform(invert(pose), patch.corners_m)).astype(np.float32)
     frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32) * [camera.width, camera.height] - np.float32(0.5)
     area, _ = cv2.intersectConvexConvex(xy, frame.astype(np.float32))

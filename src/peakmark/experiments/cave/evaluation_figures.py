@@ -1,105 +1,139 @@
-"""The figures of an evaluation, with 95 % intervals: rates by Wilson, quantiles by bootstrap."""
+"""The figures of an evaluation, with 95 % intervals."""
 
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from peakmark.score.plain_statistics import rate
+from peakmark.experiments.cave.evaluation import PoseKind, ViewRecord
+from peakmark.score.markers import MarkerScore
+from peakmark.score.poses import WRONG_DEG
+from peakmark.score.statistics import Bin, Quantiles, Rate, quantiles, rate
+from peakmark.score.statistics import recall_by as recall_by_bins
 
-Record = dict[str, Any]
-
-QUANTILES = (50, 95, 99)
+PERCENTS = (50, 95, 99)
 
 BINS = {"side_px": (0, 12, 16, 20, 25, 32, 45, 70, 1000), "tilt_deg": (0, 15, 30, 45, 55, 65, 90)}
 """Edges of the bins by which recall is broken down."""
 
-FAR_DEG = 5.0
-"""A pose that turns farther from the truth is counted as wrong."""
+
+@dataclass(frozen=True)
+class ArrayPoseFigures:
+    """The errors of all poses of one kind."""
+
+    arrays: float | None
+    """Mean number of arrays a pose; None without poses."""
+    mm: Quantiles
+    """Error of the position."""
+    deg: Quantiles
+    """Error of the rotation."""
+    flips: Rate
+    """Poses that are the mirrored one."""
+    certain: Rate
+    """Poses without a rival."""
+    flips_among_certain: Rate
+    """Mirrored poses among those without a rival."""
+    farther_than_5_deg: int
+    """Poses whose rotation is so far from the truth, `WRONG_DEG`."""
 
 
-def figures(records: Sequence[Record]) -> dict[str, Any]:
+@dataclass(frozen=True)
+class EvaluationFigures:
+    """All figures of an evaluation; "wanted" markers and arrays are those that must be found."""
+
+    views: int
+    """Number of views."""
+    features: int
+    """Median number of key points a view."""
+    recall: Rate
+    """Wanted markers that were found."""
+    polarity_errors: Rate
+    """Found ones with the wrong sign of the Laplacian."""
+    polarity_errors_by_signature: Rate
+    """Found ones with the signature of the other polarity."""
+    localisation_px: Quantiles
+    """Distance of the found ones from their true centres."""
+    false_detections_per_view: float | None
+    """Detections at no visible marker; None without views."""
+    arrays_decoded: Rate
+    """Wanted arrays that were read rightly."""
+    wrong_codes: Rate
+    """Codes that hang not there, among all that were read."""
+    unsure_per_view: float | None
+    """Readings without a code; None without views."""
+    arrays_decoded_by_paper: Rate
+    """Wanted arrays that the paper's rule read rightly."""
+    wrong_codes_by_paper: int
+    """Codes of the paper's rule that hang not there."""
+    pose: dict[PoseKind, ArrayPoseFigures]
+    """By what the poses rest on."""
+    time_s: dict[str, float]
+    """Median seconds by stage."""
+
+
+def evaluation_figures(records: Sequence[ViewRecord]) -> EvaluationFigures:
     """Return all figures of an evaluation's records."""
-    markers = [marker for record in records for marker in record["markers"] if marker["is_wanted"]]
-    found = [marker for marker in markers if marker["is_found"]]
-    arrays = [array for record in records for array in record["arrays"]]
-    return {
-        "views": len(records),
-        "features": int(np.median([record["features"] for record in records])) if records else 0,
-        "recall": rate(len(found), len(markers)),
-        "polarity_errors": rate(sum(not marker["is_polarity_right"] for marker in found), len(found)),
-        "polarity_errors_by_signature": rate(sum(not marker["is_signature_right"] for marker in found), len(found)),
-        "localisation_px": quantiles([marker["error_px"] for marker in found]),
-        "false_detections_per_view": _mean(records, "false_detections"),
-        "arrays_decoded": rate(sum(array["is_decoded"] for array in arrays), len(arrays)),
-        "wrong_codes": _wrong(records, "wrong_codes", "codes"),
-        "unsure_per_view": _mean(records, "unsure"),
-        "arrays_decoded_by_paper": rate(sum(array["is_decoded_by_paper"] for array in arrays), len(arrays)),
-        "wrong_codes_by_paper": sum(record["wrong_codes_by_paper"] for record in records),
-        "pose": {kind: pose_figures(records, kind) for kind in ("one", "several", "wall")},
-        "time_s": _times(records),
-    }
+    frames = [record.frame for record in records]
+    counts = [frame.counts for frame in frames]
+    markers = [marker for record in records for marker in record.markers if marker.is_wanted]
+    found = [marker for marker in markers if marker.is_found]
+    arrays = [array for record in records for array in record.arrays]
+    stages = frames[0].time_s if frames else ()
+    return EvaluationFigures(
+        views=len(records),
+        features=int(np.median([frame.features for frame in frames])) if frames else 0,
+        recall=rate(len(found), len(markers)),
+        polarity_errors=rate(sum(not marker.is_polarity_right for marker in found), len(found)),
+        polarity_errors_by_signature=rate(sum(not marker.is_signature_right for marker in found), len(found)),
+        localisation_px=quantiles(_errors_px(found), PERCENTS),
+        false_detections_per_view=_mean([one.false_detections for one in counts]),
+        arrays_decoded=rate(sum(array.is_decoded for array in arrays), len(arrays)),
+        wrong_codes=rate(sum(one.wrong_codes for one in counts), sum(len(frame.codes) for frame in frames)),
+        unsure_per_view=_mean([one.unsure for one in counts]),
+        arrays_decoded_by_paper=rate(sum(array.is_decoded_by_paper for array in arrays), len(arrays)),
+        wrong_codes_by_paper=sum(one.wrong_codes_by_paper for one in counts),
+        pose={kind: pose_figures(records, kind) for kind in get_args(PoseKind)},
+        time_s={stage: float(np.median([frame.time_s[stage] for frame in frames])) for stage in stages},
+    )
 
 
-def _mean(records: Sequence[Record], name: str) -> float | None:
-    return float(np.mean([record[name] for record in records])) if records else None
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
 
 
-def _wrong(records: Sequence[Record], wrong: str, named: str) -> dict[str, Any]:
-    return rate(sum(record[wrong] for record in records), sum(len(record[named]) for record in records))
+def _errors_px(markers: Sequence[MarkerScore]) -> list[float]:
+    return [np.nan if marker.error_px is None else marker.error_px for marker in markers]
 
 
-def _times(records: Sequence[Record]) -> dict[str, float]:
-    stages = records[0]["time_s"] if records else ()
-    return {stage: float(np.median([record["time_s"][stage] for record in records])) for stage in stages}
-
-
-def pose_figures(records: Sequence[Record], kind: str) -> dict[str, Any]:
+def pose_figures(records: Sequence[ViewRecord], kind: PoseKind) -> ArrayPoseFigures:
     """Return the errors of the poses of one kind, all of them and those without a rival."""
-    poses = [pose for record in records for pose in record["poses"] if pose["kind"] == kind]
-    certain = [pose for pose in poses if pose["is_certain"]]
-    return {
-        "arrays": float(np.mean([pose["arrays"] for pose in poses])) if poses else None,
-        "mm": quantiles([pose["mm"] for pose in poses]),
-        "deg": quantiles([pose["deg"] for pose in poses]),
-        "flips": rate(sum(pose["is_flipped"] for pose in poses), len(poses)),
-        "certain": rate(len(certain), len(poses)),
-        "flips_among_certain": rate(sum(pose["is_flipped"] for pose in certain), len(certain)),
-        "farther_than_5_deg": sum(pose["deg"] > FAR_DEG for pose in poses),
-    }
+    poses = [pose for record in records for pose in record.poses if pose.kind == kind]
+    certain = [pose for pose in poses if pose.is_certain]
+    return ArrayPoseFigures(
+        arrays=_mean([pose.arrays for pose in poses]),
+        mm=quantiles([pose.mm for pose in poses], PERCENTS),
+        deg=quantiles([pose.deg for pose in poses], PERCENTS),
+        flips=rate(sum(pose.is_flipped for pose in poses), len(poses)),
+        certain=rate(len(certain), len(poses)),
+        flips_among_certain=rate(sum(pose.is_flipped for pose in certain), len(certain)),
+        farther_than_5_deg=sum(pose.deg > WRONG_DEG for pose in poses),
+    )
 
 
-def quantiles(values: ArrayLike, seed: int = 0) -> dict[str, Any]:
-    """Return p50, p95 and p99, each with its bootstrap interval (1000 resamples); None without values."""
-    sample = np.asarray(values, dtype=np.float64)
-    if len(sample) == 0:
-        return {**{f"p{q}": None for q in QUANTILES}, "of": 0}
-    rng = np.random.default_rng(seed)
-    draws = np.percentile(sample[rng.integers(len(sample), size=(1000, len(sample)))], QUANTILES, axis=1)
-    low, high = np.percentile(draws, [2.5, 97.5], axis=1)
-    result: dict[str, Any] = {"of": len(sample)}
-    for k, q in enumerate(QUANTILES):
-        result[f"p{q}"] = float(np.percentile(sample, q))
-        result[f"p{q}_interval"] = [float(low[k]), float(high[k])]
-    return result
+def recall_by(records: Sequence[ViewRecord], quantity: str) -> list[Bin]:
+    """Return one row a bin of `BINS[quantity]` that holds markers fully in view: what was found of them."""
+    markers = [marker for record in records for marker in record.markers if marker.is_in_view]
+    values = [getattr(marker, quantity) for marker in markers]
+    return recall_by_bins(BINS[quantity], values, _errors_px(markers), PERCENTS)
 
 
-def recall_by(records: Sequence[Record], quantity: str) -> list[dict[str, Any]]:
-    """Return one row a bin of `BINS[quantity]` that holds markers fully in view: recall and p95 of the error, px."""
-    markers = [marker for record in records for marker in record["markers"] if marker["is_in_view"]]
-    rows = []
-    for low, high in pairwise(BINS[quantity]):
-        inside = [marker for marker in markers if low <= marker[quantity] < high]
-        found = [marker for marker in inside if marker["is_found"]]
-        if inside:
-            error = quantiles([marker["error_px"] for marker in found])["p95"]
-            rows.append({"low": low, "high": high, "recall": rate(len(found), len(inside)), "error_px_p95": error})
-    return rows
+def bin_row(row: Bin) -> dict[str, Any]:
+    """Return a bin as result.json has it."""
+    return {"low": row.low, "high": row.high, "recall": row.recall, "error_px_p95": row.error_px[95]}
 
 
-def headline(result: dict[str, Any]) -> list[tuple[Any, ...]]:
+def headline(figures: EvaluationFigures) -> list[tuple[Any, ...]]:
     """Return rows (figure, value, low, high, of) for the report and the terminal."""
     rates = (
         "recall",
@@ -109,24 +143,13 @@ def headline(result: dict[str, Any]) -> list[tuple[Any, ...]]:
         "wrong_codes",
         "arrays_decoded_by_paper",
     )
-    rows = [_rate_row(name.replace("_", " "), result[name]) for name in rates]
+    rows = [getattr(figures, name).row(name.replace("_", " ")) for name in rates]
     plain = ("views", "features", "false_detections_per_view", "unsure_per_view", "wrong_codes_by_paper")
-    rows += [(name.replace("_", " "), result[name], None, None, None) for name in plain]
-    rows += _quantile_rows("marker (px)", result["localisation_px"])
-    for kind, pose in result["pose"].items():
+    rows += [(name.replace("_", " "), getattr(figures, name), None, None, None) for name in plain]
+    rows += figures.localisation_px.rows("marker (px)")
+    for kind, pose in figures.pose.items():
         label = {"one": "pose from one array", "several": "pose from 3 or more", "wall": "pose from a wall"}[kind]
-        rows += _quantile_rows(f"{label} (mm)", pose["mm"]) + _quantile_rows(f"{label} (°)", pose["deg"])
-        rows += [
-            _rate_row(f"{label}: {name.replace('_', ' ')}", pose[name])
-            for name in ("flips", "certain", "flips_among_certain")
-        ]
+        rows += pose.mm.rows(f"{label} (mm)") + pose.deg.rows(f"{label} (°)")
+        rows += [pose.flips.row(f"{label}: flips"), pose.certain.row(f"{label}: certain")]
+        rows.append(pose.flips_among_certain.row(f"{label}: flips among certain"))
     return rows
-
-
-def _rate_row(name: str, value: dict[str, Any]) -> tuple[Any, ...]:
-    return name, value["value"], value["low"], value["high"], value["of"]
-
-
-def _quantile_rows(name: str, value: dict[str, Any]) -> list[tuple[Any, ...]]:
-    keys = [f"p{q}" for q in QUANTILES]
-    return [(f"{name} {key}", value[key], *value.get(f"{key}_interval", (None, None)), value["of"]) for key in keys]

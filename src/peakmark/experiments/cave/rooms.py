@@ -1,10 +1,10 @@
-"""Random rooms full of posters, random cameras and sensors: what the classifier learns from and is judged on.
+"""Random rooms full of posters, random cameras and sensors: what the classifier learns from and is evaluated on.
 
 Rooms of the two splits share no photograph, no camera and no kind of noise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
@@ -16,9 +16,9 @@ from peaksim.camera.models import camera_named
 from peaksim.camera.sensor import Sensor
 from peaksim.geometry.pose import Pose, compose, rotation_about
 from peaksim.scene import build as scene_build
-from peaksim.scene import schema as schema
+from peaksim.scene import schema
 from peaksim.scene.build import Paper
-from peaksim.scene.posters import copies_of
+from peaksim.scene.posters import poster_copies
 from peaksim.scene.scene import Mesh, Quad, Scene
 
 from peakmark.errors import InputError
@@ -43,14 +43,19 @@ PHOTOGRAPHS: Mapping[Split, tuple[str, ...]] = {
 """Photographs that come with scikit-image, and the last two with scikit-learn."""
 
 WIDE, TALL = (3.8, 6.0), (2.4, 3.0)
-"""Ranges of a room's width and depth, and of its height, metres."""
+"""Ranges of a room's width and depth, and of its height, metres: living rooms that hold a distance of 4 m."""
 
 SIDE_M = (0.040, 0.070)
-"""Range of the arrays' marker sides."""
+"""Range of the arrays' marker sides: an array of the largest fits an A4 sheet."""
 
 _PHOTO_PX = 512
+"""Width to which larger photographs are reduced."""
+
 _SLOT_M = 0.5
+"""Between posters, which are at most 0.42 m wide and hang up to 0.08 m beside their slot."""
+
 _GAP_M = 0.002
+"""Before the wall, so that neither renderer takes posters and wall for one plane."""
 
 
 @cache
@@ -73,9 +78,9 @@ def _photograph(name: str) -> NDArray[np.uint8]:
         from sklearn.datasets import load_sample_image
     except ImportError as error:
         raise InputError("random rooms need photographs: pip install 'peakmark[train]'") from error
-    picture = load_sample_image(f"{name}.jpg") if name in ("china", "flower") else getattr(data, name)()
-    picture = picture[0] if isinstance(picture, tuple) else picture
-    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) if picture.ndim == 3 else picture
+    photo = load_sample_image(f"{name}.jpg") if name in ("china", "flower") else getattr(data, name)()
+    photo = photo[0] if isinstance(photo, tuple) else photo
+    grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY) if photo.ndim == 3 else photo
     shrink = max(1.0, grey.shape[1] / _PHOTO_PX)
     size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
@@ -124,19 +129,21 @@ def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
 def _paper(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]]) -> Paper:
     photo = photos[str(rng.choice(list(photos)))]
     contrast, mean = rng.uniform(0.2, 1.0), rng.uniform(80, 200)
-    return Paper(scene_build.with_contrast(photo, contrast, mean), float(rng.uniform(1.2, 2.5)))
+    return Paper(scene_build.scale_contrast(photo, contrast, mean), float(rng.uniform(1.2, 2.5)))
 
 
 @dataclass(frozen=True)
 class _Slot:
-    """A place for one poster."""
+    """Where one poster may hang."""
 
     center_m: tuple[float, float, float]
+    """Of the poster."""
     normal: tuple[float, float, float]
+    """Out of the wall."""
 
 
 def _slots(rng: np.random.Generator, size: NDArray[np.float64]) -> list[_Slot]:
-    """Return places on the four walls, far enough from one another, in random order."""
+    """Return slots on the four walls, far enough from one another, in random order."""
     found = []
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
         along = 1 - axis
@@ -164,7 +171,7 @@ def _array_poster(rng: np.random.Generator, code: int, slot: _Slot) -> Quad:
         normal=slot.normal,
         turn_deg=float(rng.uniform(-8, 8)),
     )
-    return next(copies_of(table, "array"))
+    return next(poster_copies(table, "array"))
 
 
 def _other_poster(
@@ -177,8 +184,8 @@ def _other_poster(
         photo = photos[str(rng.choice(list(photos)))]
         size = (width, min(0.42, width * photo.shape[0] / photo.shape[1]))
         paper = Paper(photo, size[0])
-        pose = scene_build.facing(slot.normal, (0.0, 0.0, 1.0), slot.center_m, "photograph")
-        return [Quad(f"photograph{number:02d}", paper.cover(size, "photograph"), size, pose)]
+        pose = scene_build.quad_pose(slot.normal, (0.0, 0.0, 1.0), slot.center_m, "photograph")
+        return [Quad(f"photograph{number:02d}", paper.cover_surface(size, "photograph"), size, pose)]
     side = float(rng.uniform(*SIDE_M))
     columns, rows = {"single": (1, 1), "block": (2, 2), "dense": (5, 7)}[str(kind)]
     side = 0.028 if kind == "dense" else side
@@ -193,7 +200,7 @@ def _other_poster(
         normal=slot.normal,
         turn_deg=float(rng.uniform(-8, 8)),
     )
-    return list(copies_of(table, "poster"))
+    return list(poster_copies(table, "poster"))
 
 
 def _furniture(rng: np.random.Generator, size: NDArray[np.float64]) -> list[Mesh]:
@@ -207,7 +214,7 @@ def _furniture(rng: np.random.Generator, size: NDArray[np.float64]) -> list[Mesh
         )
         for k in range(int(rng.integers(1, 4)))
     )
-    return list(scene_build.meshes(boxes, ()))
+    return list(scene_build.build_meshes(boxes, ()))
 
 
 # --- cameras ------------------------------------------------------------------------------------------------
@@ -225,15 +232,7 @@ CAMERAS: Mapping[Split, tuple[Camera, ...]] = {
         Camera(1920, 1080, 1380.0, 1385.0, 965.0, 536.0, distortion=(-0.06, 0.01, 0.0, 0.0)),
     ),
 }
-"""Those of the training see straight lines. The first held-out one is the paper's second camera."""
-
-
-def resized(camera: Camera, share: float) -> Camera:
-    """Return a camera whose picture has `share` of the width and height, rounded, and the same field of view."""
-    width, height = round(camera.width * share), round(camera.height * share)
-    x, y = width / camera.width, height / camera.height
-    center = (camera.cx + 0.5) * x - 0.5, (camera.cy + 0.5) * y - 0.5
-    return replace(camera, width=width, height=height, fx=camera.fx * x, fy=camera.fy * y, cx=center[0], cy=center[1])
+"""The training cameras have no distortion. The first held-out one is the paper's second camera."""
 
 
 def random_sensor(rng: np.random.Generator, split: Split) -> Sensor:
@@ -256,13 +255,13 @@ def random_sensor(rng: np.random.Generator, split: Split) -> Sensor:
 def random_view(
     rng: np.random.Generator, room: Room, distance_m: float, tilt_deg: float, tries: int = 200
 ) -> Pose | None:
-    """Return a camera that sees some array from a distance and a tilt, any roll; None if the room leaves no place."""
+    """Return a camera that sees some array from a distance and a tilt, any roll; None if no free position was found."""
     quads = {quad.name: quad for quad in room.scene.quads}
     for _ in range(tries):
         quad = quads[str(rng.choice(room.arrays))]
         middle = np.mean([mark.center_m for mark in quad.marks], axis=0)
-        turn = rotation_about("z", rng.uniform(0, 360)) @ rotation_about("x", tilt_deg)
-        away = quad.world_from_quad[:3, :3] @ turn[:, 2]
+        rotation = rotation_about("z", rng.uniform(0, 360)) @ rotation_about("x", tilt_deg)
+        away = quad.world_from_quad[:3, :3] @ rotation[:, 2]
         eye = quad.world_from_quad[:3, 3] + quad.world_from_quad[:3, :2] @ middle + distance_m * away
         if _is_free(room, eye):
             return _aimed(rng, eye, -away)

@@ -1,4 +1,4 @@
-"""Labelled key points of rendered rooms: what the classifier is trained and judged on."""
+"""Labelled key points of rendered rooms: what the classifiers are trained and evaluated on."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
@@ -8,37 +8,34 @@ from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import resized
 from peaksim.camera.frame import Frame, MarkerTruth
 from peaksim.camera.sensor import apply_sensor
 from peaksim.rendering import render
 
 from peakmark.errors import InputError
-from peakmark.experiments.cave.rooms import (
-    CAMERAS,
-    Room,
-    Split,
-    photographs,
-    random_room,
-    random_sensor,
-    random_view,
-    resized,
-)
-from peakmark.identification.both import features_of
-from peakmark.identification.evidence import evidence
+from peakmark.experiments.cave.rooms import CAMERAS, Room, Split, photographs, random_room, random_sensor, random_view
+from peakmark.identification.evidence import feature_evidence
+from peakmark.identification.model import LAYERS
+from peakmark.identification.search import detect_features
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.score.wanted import FULLY_IN_VIEW, READABLE
 
 SMALLEST_PX = 16.0
-"""Side from which a marker is learnt; smaller ones, and hidden ones, are left out of the samples."""
+"""Side from which a marker is learnt; smaller ones, and hidden ones, are left out of the samples. Below the 20 px from
+which a marker must be found, so that the decision is not learnt at its own border."""
 
 CENTER_TOLERANCE = 0.08
-"""A key point this near a marker's centre, in sides, but at least `CENTER_TOLERANCE_PX`, is the marker's."""
+"""A key point this near a marker's centre, in sides, but at least `CENTER_TOLERANCE_PX`, is the marker's. Chosen
+by hand: about four times the rms error of SURF's key points where it is largest without noise (0.76 px at 40 px)."""
 
 CENTER_TOLERANCE_PX = 2.5
+"""Chosen by hand: a little below the 3 px within which a marker counts as found."""
 
 AROUND = 0.75
-"""Within so many sides of a marker lie its ghosts and duplicates, which merging removes: neither marker nor clutter."""
+"""Within so many sides of a marker lie its ghosts and duplicates, which non-maximum suppression removes: neither marker
+nor clutter. The ghosts lie at ±0.21 sides and at the border, half a side away; the rest is margin, chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ class Samples:
     """Key points as rows."""
 
     evidence: NDArray[np.float64]
-    """(n, c) the columns of `classification.COLUMNS`."""
+    """(n, c) the columns of `classifier.COLUMNS`."""
     is_marker: NDArray[np.bool_]
     """(n,) whether it is the key point of a marker; the others are clutter."""
     room: NDArray[np.int64]
@@ -58,11 +55,11 @@ class Samples:
     unseen: int
     """Markers in view, ≥ 20 px and tilted to 45°, that have no key point at their centre."""
     views: int
-    """Pictures that they come from."""
+    """Images that they come from."""
 
 
 STEEPEST_SEEN_DEG = 50.0
-"""Largest tilt of the array that a camera looks at; other walls are seen at any."""
+"""Largest tilt of the array that a camera is aimed at, 5° more than arrays must be read at; other walls have any."""
 
 
 def room_and_frames(
@@ -70,7 +67,7 @@ def room_and_frames(
 ) -> tuple[Room, Iterator[Frame]]:
     """Return a random room and the frames, rendered one by one, of random cameras at 0.5–4 m and any roll.
 
-    The pictures have `size` of their cameras' width and height.
+    The images have `size` of their cameras' width and height.
     """
     rng = np.random.default_rng((seed, number))
     room = random_room(rng, photographs(split))
@@ -88,15 +85,13 @@ def _frames(
             yield apply_sensor(frame, random_sensor(rng, split), rng)
 
 
-def collect(split: Split, rooms: Sequence[int], views_per_room: int, seed: int) -> Samples:
-    """Return the labelled key points of random rooms."""
+def collect_samples(split: Split, room: int, views: int, seed: int, layers: int = LAYERS) -> Samples:
+    """Return the labelled key points, with so many layers an octave, of a random room."""
     parts = []
-    for number in rooms:
-        _, frames = room_and_frames(split, number, views_per_room, seed)
-        for frame in frames:
-            gray = as_gray(frame.image)
-            parts.append(label(gray, features_of(gray), frame.truth, number))
-    return joined(parts)
+    for frame in room_and_frames(split, room, views, seed)[1]:
+        gray = as_gray(frame.image)
+        parts.append(label_features(gray, detect_features(gray, layers), frame.truth, room))
+    return join_samples(parts)
 
 
 def save_samples(path: Path, samples: Samples) -> None:
@@ -121,7 +116,7 @@ def load_samples(path: Path) -> Samples:
     return Samples(**{**columns, "unseen": int(columns["unseen"]), "views": int(columns["views"])})
 
 
-def joined(parts: Sequence[Samples]) -> Samples:
+def join_samples(parts: Sequence[Samples]) -> Samples:
     """Return all parts' rows in one."""
     return Samples(
         evidence=np.concatenate([part.evidence for part in parts]),
@@ -134,8 +129,8 @@ def joined(parts: Sequence[Samples]) -> Samples:
     )
 
 
-def label(gray: NDArray[np.uint8], features: Keypoints, truth: Sequence[MarkerTruth], room: int) -> Samples:
-    """Return one picture's samples: the strongest key point at each marker, and everything away from markers."""
+def label_features(gray: NDArray[np.uint8], features: Keypoints, truth: Sequence[MarkerTruth], room: int) -> Samples:
+    """Return one image's samples: the strongest key point at each marker, and everything away from markers."""
     is_marker, is_left_out = np.zeros(len(features), dtype=bool), np.zeros(len(features), dtype=bool)
     owner, unseen = np.full((len(features), 2), np.nan), 0
     for marker in truth:
@@ -151,4 +146,4 @@ def label(gray: NDArray[np.uint8], features: Keypoints, truth: Sequence[MarkerTr
     kept = is_marker | ~is_left_out
     rooms = np.full(int(kept.sum()), room, dtype=np.int64)
     side_px, tilt_deg = owner[kept].T
-    return Samples(evidence(gray, features[kept]), is_marker[kept], rooms, side_px, tilt_deg, unseen, 1)
+    return Samples(feature_evidence(gray, features[kept]), is_marker[kept], rooms, side_px, tilt_deg, unseen, 1)

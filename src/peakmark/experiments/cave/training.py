@@ -1,16 +1,20 @@
-"""Classifiers of key points, trained on rendered rooms and judged on others (the paper's Section 5)."""
+"""Classifiers of key points, trained on rendered rooms and evaluated on others (the paper's Section 5)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.errors import InputError
-from peakmark.experiments.cave.samples import Samples, collect, joined
+from peakmark.experiments.cave.rooms import Split
+from peakmark.experiments.cave.samples import Samples, collect_samples, join_samples
 from peakmark.identification.classifier import COLUMNS, Classifier
+from peakmark.identification.model import LAYERS
+from peakmark.score.wanted import READABLE
+
+Array = NDArray[np.float64]
 
 SHIPPED = "linear"
 """Kind that `classifier.json` holds."""
@@ -21,7 +25,7 @@ removes them, and what it costs sets the budget. Training markers lie far above 
 and noise that were never trained on."""
 
 HIDDEN = 8
-"""Units of the nonlinear classifier."""
+"""Units of the nonlinear classifier: twice its four inputs, chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -31,23 +35,27 @@ class TrainingConfig:
     training_rooms: int = 16
     """Rooms to learn from."""
     held_out_rooms: int = 8
-    """Rooms with other photographs, cameras and noise to judge on."""
+    """Rooms with other photographs, cameras and noise to evaluate on."""
     views: int = 3
     """Views a room."""
     seed: int = 0
     """Of rooms, views and noise."""
+    layers: int = LAYERS
+    """Layers an octave of the key points; the shipped classifier was trained with 3."""
 
     def __post_init__(self) -> None:
         for name in ("training_rooms", "held_out_rooms", "views"):
             if not 1 <= getattr(self, name) <= 10_000:
                 raise InputError(f"--{name.replace('_', '-')}: expected 1…10000, got {getattr(self, name)}")
+        if not 1 <= self.layers <= 20:
+            raise InputError(f"--layers: expected 1…20, got {self.layers}")
         if self.seed < 0:
             raise InputError(f"--seed: expected 0 or more, got {self.seed}")
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """A classifier on samples that it was not trained on."""
+class Quality:
+    """How well a classifier separates the markers that must be found from clutter."""
 
     average_precision: float
     """Area under precision over recall."""
@@ -55,23 +63,20 @@ class Judgement:
     """Area under true over false positive rate."""
     recall: float
     """Share of markers at the operating point."""
-    false_positives_per_view: float
+    clutter_per_view: float
     """Clutter above the operating point, before alignment with the pattern."""
-    false_positive_rate: NDArray[np.float64]
-    """(r,) of the ROC."""
-    true_positive_rate: NDArray[np.float64]
-    """(r,) of the ROC."""
 
 
 def samples_of(config: TrainingConfig, on_room: Callable[[], None] = lambda: None) -> tuple[Samples, Samples]:
     """Render the rooms and return training and held-out samples; `on_room` is called after each room."""
-    splits = (("training", config.training_rooms), ("held-out", config.held_out_rooms))
-    parts: list[list[Samples]] = [[], []]
-    for part, (split, rooms) in zip(parts, splits, strict=True):
+
+    def rendered(split: Split, rooms: int) -> Iterator[Samples]:
         for room in range(rooms):
-            part.append(collect(split, [room], config.views, config.seed))  # type: ignore[arg-type]
+            yield collect_samples(split, room, config.views, config.seed, config.layers)
             on_room()
-    return joined(parts[0]), joined(parts[1])
+
+    training = join_samples(list(rendered("training", config.training_rooms)))
+    return training, join_samples(list(rendered("held-out", config.held_out_rooms)))
 
 
 def train(samples: Samples) -> dict[str, Classifier]:
@@ -113,16 +118,16 @@ def _nonlinear(samples: Samples, columns: list[str]) -> Classifier:
     return _at_operating_point(Classifier(tuple(columns), mean, scale, layers, 0.0), samples)
 
 
-def _standardised(samples: Samples, columns: Sequence[str]) -> tuple[Any, Any, Any]:
+def _standardised(samples: Samples, columns: Sequence[str]) -> tuple[Array, Array, Array]:
     values = samples.evidence[:, [COLUMNS.index(name) for name in columns]]
     mean, scale = values.mean(axis=0), values.std(axis=0)
     return mean, scale, (values - mean) / scale
 
 
-def required(samples: Samples) -> NDArray[np.bool_]:
-    """Return (n,) which samples are markers of at least 20 px, tilted to at most 45°."""
-    with np.errstate(invalid="ignore"):
-        return samples.is_marker & (samples.side_px >= 20) & (samples.tilt_deg <= 45)
+def must_be_found(samples: Samples) -> NDArray[np.bool_]:
+    """Return (n,) which samples are markers as `READABLE` wants them; all markers of samples are fully in view."""
+    is_large, is_square = samples.side_px >= READABLE.min_side_px, samples.tilt_deg <= READABLE.max_tilt_deg
+    return samples.is_marker & is_large & is_square
 
 
 def _at_operating_point(classifier: Classifier, samples: Samples) -> Classifier:
@@ -131,20 +136,31 @@ def _at_operating_point(classifier: Classifier, samples: Samples) -> Classifier:
     return replace(classifier, threshold=threshold)
 
 
-def judge(classifier: Classifier, samples: Samples) -> Judgement:
-    """Return how a classifier separates markers (those of `required`) from clutter."""
-    from sklearn.metrics import average_precision_score, roc_auc_score, roc_curve
+def evaluate_classifier(classifier: Classifier, samples: Samples) -> Quality:
+    """Return how well a classifier separates markers (those that `must_be_found`) from clutter."""
+    from sklearn.metrics import average_precision_score, roc_auc_score
 
-    wanted = required(samples)
-    asked = wanted | ~samples.is_marker
-    scores, labels = classifier.scores(samples.evidence[asked]), wanted[asked]
-    false_rate, true_rate, _ = roc_curve(labels, scores)
+    scores, labels = _scored(classifier, samples)
     above = scores > classifier.threshold
-    return Judgement(
+    return Quality(
         average_precision=float(average_precision_score(labels, scores)),
         roc_area=float(roc_auc_score(labels, scores)),
         recall=float(above[labels].mean()),
-        false_positives_per_view=float(above[~labels].sum() / samples.views),
-        false_positive_rate=false_rate,
-        true_positive_rate=true_rate,
+        clutter_per_view=float(above[~labels].sum() / samples.views),
     )
+
+
+def roc_rates(classifier: Classifier, samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (r,) false and (r,) true positive rates over all thresholds."""
+    from sklearn.metrics import roc_curve
+
+    scores, labels = _scored(classifier, samples)
+    false_rates, true_rates, _ = roc_curve(labels, scores)
+    return false_rates, true_rates
+
+
+def _scored(classifier: Classifier, samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the scores of wanted markers and clutter, and which of them are markers."""
+    is_wanted = must_be_found(samples)
+    counts = is_wanted | ~samples.is_marker
+    return classifier.scores(samples.evidence[counts]), is_wanted[counts]

@@ -1,7 +1,7 @@
-"""Trains and judges the classifiers, and writes classifier.json, roc.png, samples, report.html and result.json."""
+"""Trains and evaluates the classifiers, and writes classifier.json, roc.png, samples, report.html and result.json."""
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,11 @@ from peakmark.experiments.cave.samples import Samples, load_samples, save_sample
 from peakmark.experiments.cave.training import (
     CLUTTER,
     SHIPPED,
-    Judgement,
+    Quality,
     TrainingConfig,
-    judge,
-    required,
+    evaluate_classifier,
+    must_be_found,
+    roc_rates,
     samples_of,
     train,
 )
@@ -27,10 +28,52 @@ HEAD = ("classifier", "AP", "ROC area", "recall", "clutter/view", "own AP", "own
 """AP: average precision; "own": on the training rooms; recall and clutter at the operating point."""
 
 
-def run(
+@dataclass(frozen=True)
+class SampleCounts:
+    """How many samples there are."""
+
+    views: int
+    """Images."""
+    markers: int
+    """Markers that must be found."""
+    clutter: int
+    """Other key points."""
+    markers_without_key_point: int
+    """Markers that must be found, but have no key point at their centre."""
+
+
+@dataclass(frozen=True)
+class ClassifierRecord:
+    """One kind of classifier."""
+
+    held_out: Quality
+    """In rooms that it was not trained on."""
+    training: Quality
+    """In its own."""
+    threshold: float
+    """Its operating point."""
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """What `result.json` holds."""
+
+    config: TrainingConfig
+    """Of the run."""
+    shipped: str
+    """The kind that classifier.json holds."""
+    training: SampleCounts
+    """What was learnt from."""
+    held_out: SampleCounts
+    """What was evaluated on."""
+    classifiers: dict[str, ClassifierRecord]
+    """By kind."""
+
+
+def run_training(
     config: TrainingConfig, out: str | Path, is_reused: bool = False, on_room: Callable[[], None] = lambda: None
-) -> dict[str, Any]:
-    """Train and judge, write everything into `out`, and return what `result.json` holds.
+) -> TrainingResult:
+    """Train and evaluate, write everything into `out`, and return what `result.json` holds.
 
     With `is_reused` the samples that `out` holds are taken instead of rendering rooms.
 
@@ -47,12 +90,11 @@ def run(
             save_samples(folder / "training.npz", training)
             save_samples(folder / "held_out.npz", held_out)
         classifiers = train(training)
-        judgements = {name: (judge(c, held_out), judge(c, training)) for name, c in classifiers.items()}
-        result = _result(config, training, held_out, classifiers, judgements)
-        write_json(folder / "classifier.json", {**classifiers[SHIPPED].to_json(), "origin": _origin(config, training)})
+        rows = {name: _record(classifier, held_out, training) for name, classifier in classifiers.items()}
+        result = TrainingResult(config, SHIPPED, _counts(training), _counts(held_out), rows)
+        write_json(folder / "classifier.json", {**classifiers[SHIPPED].to_json(), "origin": _origin(result)})
         figure, ax = plots.new_figure()
-        curves = {name: (j.false_positive_rate, j.true_positive_rate) for name, (j, _) in judgements.items()}
-        plots.roc(ax, curves)
+        plots.roc(ax, {name: roc_rates(classifier, held_out) for name, classifier in classifiers.items()})
         plots.save(figure, folder / "roc.png")
         sections = [
             Section("Classifiers", table=Table(HEAD, table_rows(result))),
@@ -63,66 +105,50 @@ def run(
     return result
 
 
-def _lead(result: dict[str, Any]) -> str:
-    own, held = result["training"], result["held_out"]
+def _record(classifier: Classifier, held_out: Samples, training: Samples) -> ClassifierRecord:
+    return ClassifierRecord(
+        held_out=evaluate_classifier(classifier, held_out),
+        training=evaluate_classifier(classifier, training),
+        threshold=classifier.threshold,
+    )
+
+
+def _counts(samples: Samples) -> SampleCounts:
+    return SampleCounts(
+        views=samples.views,
+        markers=int(must_be_found(samples).sum()),
+        clutter=int(np.sum(~samples.is_marker)),
+        markers_without_key_point=samples.unseen,
+    )
+
+
+def _lead(result: TrainingResult) -> str:
+    own, held = result.training, result.held_out
     return (
-        f"Trained on {own['markers']} markers and {own['clutter']:,} other key points of {own['views']} views, judged "
-        f"on {held['markers']} and {held['clutter']:,} of {held['views']} views of rooms with other photographs, "
+        f"Trained on {own.markers} markers and {own.clutter:,} other key points of {own.views} views, evaluated "
+        f"on {held.markers} and {held.clutter:,} of {held.views} views of rooms with other photographs, "
         f"cameras and noise. Operating points let {CLUTTER:g} key points of clutter a training view through."
     )
 
 
-def table_rows(result: dict[str, Any]) -> list[tuple[Any, ...]]:
+def table_rows(result: TrainingResult) -> list[tuple[Any, ...]]:
     """Return one row a classifier under `HEAD`."""
-    keys = ("average_precision", "roc_area", "recall", "clutter_per_view")
-    training_keys = ("average_precision", "recall", "clutter_per_view")
     return [
-        (name, *(row["held_out"][key] for key in keys), *(row["training"][key] for key in training_keys))
-        for name, row in result["classifiers"].items()
+        (
+            name,
+            *astuple(row.held_out),
+            row.training.average_precision,
+            row.training.recall,
+            row.training.clutter_per_view,
+        )
+        for name, row in result.classifiers.items()
     ]
 
 
-def _origin(config: TrainingConfig, training: Samples) -> str:
+def _origin(result: TrainingResult) -> str:
+    config, own = result.config, result.training
     return (
-        f"scripts/train_classifier.py --training-rooms {config.training_rooms} --views {config.views} --seed "
-        f"{config.seed}: {SHIPPED}, {int(required(training).sum())} markers, {training.views} views, threshold at "
+        f"scripts/train_classifier.py --training-rooms {config.training_rooms} --views {config.views} --layers "
+        f"{config.layers} --seed {config.seed}: {SHIPPED}, {own.markers} markers, {own.views} views, threshold at "
         f"{CLUTTER:g} key points of clutter a view"
     )
-
-
-def _result(
-    config: TrainingConfig,
-    training: Samples,
-    held_out: Samples,
-    classifiers: dict[str, Classifier],
-    judgements: dict[str, tuple[Judgement, Judgement]],
-) -> dict[str, Any]:
-    rows = {
-        name: {"held_out": _figures(held), "training": _figures(own), "threshold": classifiers[name].threshold}
-        for name, (held, own) in judgements.items()
-    }
-    return {
-        "config": asdict(config),
-        "shipped": SHIPPED,
-        "training": _counts(training),
-        "held_out": _counts(held_out),
-        "classifiers": rows,
-    }
-
-
-def _counts(samples: Samples) -> dict[str, int]:
-    return {
-        "views": samples.views,
-        "markers": int(required(samples).sum()),
-        "clutter": int(np.sum(~samples.is_marker)),
-        "markers_without_key_point": samples.unseen,
-    }
-
-
-def _figures(judgement: Judgement) -> dict[str, float]:
-    return {
-        "average_precision": judgement.average_precision,
-        "roc_area": judgement.roc_area,
-        "recall": judgement.recall,
-        "clutter_per_view": judgement.false_positives_per_view,
-    }

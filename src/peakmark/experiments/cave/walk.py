@@ -1,9 +1,9 @@
 """The SIFT/SURF CAVE (paper, Section 4.2, Figures 13–15): 3-bit arrays on the walls of a room, read and scored."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from time import perf_counter
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,10 @@ from peaksim.scene.scene import Scene
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
-from peakmark.identification.both import Both, examine_both, features_of
+from peakmark.identification.search import SearchResult, detect_features, search_features
 from peakmark.keypoints.image import as_gray
-from peakmark.localise.from_arrays import ArrayPose, Place, pose_from_arrays
+from peakmark.localise.from_arrays import Place, pose_from_arrays
+from peakmark.localise.pose import PoseEstimate
 from peakmark.score.arrays import ArrayScore, PrintedArray, printed_arrays, score_arrays
 from peakmark.score.markers import Score, score_frame
 from peakmark.score.poses import pose_error
@@ -37,7 +38,7 @@ class CaveConfig:
     seed: int = 0
     """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
     frames: int = 1
-    """Frames along the trajectory; 1 looks from its first pose."""
+    """Frames along the trajectory; 1 takes its first pose."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
 
@@ -54,22 +55,88 @@ class CaveConfig:
 
 @dataclass(frozen=True)
 class Reading:
-    """What was found in one picture; nothing here knows the truth."""
+    """What was found in one image; nothing here knows the truth."""
 
-    found: Both
+    found: SearchResult
     """Features, evidence and markers."""
     arrays: tuple[MarkerArray, ...]
     """By the robust decoder."""
     by_paper: tuple[MarkerArray, ...]
     """By the paper's rule, which takes the arrays for upright."""
-    pose: ArrayPose | None
+    pose: PoseEstimate | None
     """The camera's, from all arrays whose code is on the map; None without any."""
     time_s: dict[str, float]
     """Seconds for "detect", "identify", "decode" and "localise"."""
 
 
 @dataclass(frozen=True)
-class View:
+class Counts:
+    """Figures of a frame that add up over frames."""
+
+    markers_in_view: int
+    """Markers that must be found."""
+    markers_found: int
+    """Those that were."""
+    false_detections: int
+    """Detections at no visible marker."""
+    polarity_errors: int
+    """Found markers with the wrong sign of the Laplacian."""
+    polarity_errors_by_signature: int
+    """Found markers with a signature nearer to that of the other polarity."""
+    arrays_in_view: int
+    """Arrays that must be read."""
+    arrays_decoded: int
+    """Those that were."""
+    wrong_codes: int
+    """Codes that were named where no array with that code lies."""
+    unsure: int
+    """Readings without a code."""
+    arrays_decoded_by_paper: int
+    """`arrays_decoded` by the paper's rule."""
+    wrong_codes_by_paper: int
+    """`wrong_codes` by the paper's rule."""
+
+
+COUNTS = tuple(field.name for field in fields(Counts))
+
+
+def total(counts: Sequence[Counts]) -> Counts:
+    """Return the sums of all frames."""
+    return Counts(**{name: sum(getattr(one, name) for one in counts) for name in COUNTS})
+
+
+@dataclass(frozen=True)
+class CaveFrame:
+    """The plain figures of one frame; a row of frames.csv, the counts inlined."""
+
+    frame: int
+    """Number from 0."""
+    time_on_path_s: float
+    """When it was taken."""
+    features: int
+    """SURF key points."""
+    counts: Counts
+    """What adds up over frames."""
+    codes: tuple[int, ...]
+    """That were read, rightly or wrongly."""
+    missed: tuple[str, ...]
+    """Names of the arrays and markers in view that were not found."""
+    pose_mm: float | None
+    """Distance of the camera's pose from the true one; None without a pose."""
+    pose_deg: float | None
+    """Angle between the two."""
+    pose_is_certain: bool | None
+    """Whether no other pose explains the image nearly as well."""
+    rank_of_last_marker: int | None
+    """See `Score`."""
+    response_drop: float | None
+    """See `Score`."""
+    time_s: dict[str, float]
+    """Seconds by stage, "render" among them."""
+
+
+@dataclass(frozen=True)
+class CaveView:
     """One frame, what was found in it, and how well."""
 
     index: int
@@ -87,55 +154,55 @@ class View:
     pose_error: tuple[float, float] | None
     """Of the camera, mm and degrees; None without a pose."""
     render_s: float
-    """Seconds for the picture, with truth and sensor."""
+    """Seconds for the image, with truth and sensor."""
 
-    def row(self) -> dict[str, Any]:
+    def record(self) -> CaveFrame:
         """Return the plain figures of this frame."""
-        return {
-            "frame": self.index,
-            "time_on_path_s": self.frame.time_s,
-            "features": len(self.reading.found.features),
-            **self.counts(),
-            "codes": [array.code for array in self.reading.arrays if array.code is not None],
-            "missed": [*self.arrays.missed, *self.markers.missed],
-            "pose_mm": None if self.pose_error is None else self.pose_error[0],
-            "pose_deg": None if self.pose_error is None else self.pose_error[1],
-            "pose_is_certain": None if self.reading.pose is None else self.reading.pose.is_certain,
-            "rank_of_last_marker": self.markers.rank_of_last_marker,
-            "response_drop": self.markers.response_drop,
-            "time_s": {"render": self.render_s, **self.reading.time_s},
-        }
+        return CaveFrame(
+            frame=self.index,
+            time_on_path_s=self.frame.time_s,
+            features=len(self.reading.found.features),
+            counts=self.counts(),
+            codes=tuple(array.code for array in self.reading.arrays if array.code is not None),
+            missed=(*self.arrays.missed, *self.markers.missed),
+            pose_mm=None if self.pose_error is None else self.pose_error[0],
+            pose_deg=None if self.pose_error is None else self.pose_error[1],
+            pose_is_certain=None if self.reading.pose is None else self.reading.pose.is_certain,
+            rank_of_last_marker=self.markers.rank_of_last_marker,
+            response_drop=self.markers.response_drop,
+            time_s={"render": self.render_s, **self.reading.time_s},
+        )
 
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> Counts:
         """Return what can be added up over frames."""
-        return {
-            "markers_in_view": self.markers.wanted,
-            "markers_found": self.markers.found,
-            "false_detections": self.markers.false_detections,
-            "polarity_errors": self.markers.polarity_errors,
-            "polarity_errors_by_signature": self.markers.signature_errors,
-            "arrays_in_view": len(self.arrays.in_view),
-            "arrays_decoded": len(self.arrays.decoded),
-            "wrong_codes": self.arrays.wrong,
-            "unsure": self.arrays.unsure,
-            "arrays_decoded_by_paper": len(self.paper.decoded),
-            "wrong_codes_by_paper": self.paper.wrong,
-        }
+        return Counts(
+            markers_in_view=self.markers.wanted,
+            markers_found=self.markers.found,
+            false_detections=self.markers.false_detections,
+            polarity_errors=self.markers.polarity_errors,
+            polarity_errors_by_signature=self.markers.signature_errors,
+            arrays_in_view=len(self.arrays.in_view),
+            arrays_decoded=len(self.arrays.decoded),
+            wrong_codes=self.arrays.wrong,
+            unsure=self.arrays.unsure,
+            arrays_decoded_by_paper=len(self.paper.decoded),
+            wrong_codes_by_paper=self.paper.wrong,
+        )
 
 
-def places_of(printed: Sequence[PrintedArray]) -> dict[int, Place]:
-    """Return the map code → place; a code that hangs twice is on no map."""
+def array_map(printed: Sequence[PrintedArray]) -> dict[int, Place]:
+    """Return code → where its array hangs; a code that hangs twice is left out."""
     codes = [array.code for array in printed]
     once = [array for array in printed if codes.count(array.code) == 1]
     return {array.code: Place(array.centers_m, array.axes, array.side_m) for array in once}
 
 
-def read_picture(frame: Frame, places: Mapping[int, Place]) -> Reading:
-    """Find, decode and localise in one picture; of the frame only picture and camera are used."""
+def read_frame(frame: Frame, places: Mapping[int, Place]) -> Reading:
+    """Find, decode and localise in one frame; only its image and camera are used."""
     gray, laps = as_gray(frame.image), [perf_counter()]
-    features = features_of(gray)
+    features = detect_features(gray)
     laps.append(perf_counter())
-    found = examine_both(gray, features)
+    found = search_features(gray, features)
     laps.append(perf_counter())
     arrays = decode_arrays(found.detections, image=gray)
     laps.append(perf_counter())
@@ -145,12 +212,12 @@ def read_picture(frame: Frame, places: Mapping[int, Place]) -> Reading:
     return Reading(found, arrays, decode_arrays(found.detections, rule="paper"), pose, times)
 
 
-def judged(index: int, frame: Frame, scene: Scene, render_s: float) -> View:
+def score_view(index: int, frame: Frame, scene: Scene, render_s: float = 0.0) -> CaveView:
     """Read a frame and score it against truth."""
     printed = printed_arrays(scene)
-    reading = read_picture(frame, places_of(printed))
+    reading = read_frame(frame, array_map(printed))
     camera, pose = frame.camera, frame.world_from_camera
-    return View(
+    return CaveView(
         index=index,
         frame=frame,
         reading=reading,
@@ -162,20 +229,20 @@ def judged(index: int, frame: Frame, scene: Scene, render_s: float) -> View:
     )
 
 
-def look(setup: Setup, config: CaveConfig, index: int, time_s: float) -> View:
+def render_view(setup: Setup, config: CaveConfig, index: int, time_s: float) -> CaveView:
     """Render, read and score one frame."""
     start = perf_counter()
     pose = setup.trajectory.at(time_s)
     frame = render(setup.scene, setup.camera, pose, config.renderer, time_s, config.samples, (config.seed, index))
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
-    return judged(index, frame, setup.scene, perf_counter() - start)
+    return score_view(index, frame, setup.scene, perf_counter() - start)
 
 
-def walk(setup: Setup, config: CaveConfig) -> Iterator[View]:
+def render_walk(setup: Setup, config: CaveConfig) -> Iterator[CaveView]:
     """Yield the views of the trajectory one by one; nothing is kept between them."""
     times = setup.trajectory.times_s
     for index, time_s in enumerate(np.linspace(times[0], times[-1], config.frames)):
-        yield look(setup, config, index, float(time_s))
+        yield render_view(setup, config, index, float(time_s))
 
 
 def open_cave(config: CaveConfig) -> Setup:
@@ -192,7 +259,7 @@ def open_cave(config: CaveConfig) -> Setup:
     return setup
 
 
-def marker_rows(view: View) -> NDArray[np.intp]:
+def marker_rows(view: CaveView) -> NDArray[np.intp]:
     """Return the rows of the features that belong to rightly found markers."""
     found = view.reading.found.detections
     return np.array(sorted(found[k].rank - 1 for k in view.markers.matches.values()), dtype=np.intp)

@@ -1,7 +1,7 @@
-"""Writes what the CAVE experiment found: pictures, film, tables, report.html and result.json."""
+"""Writes what the CAVE experiment found: images, film, tables, report.html and result.json."""
 
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -9,36 +9,65 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
-from PIL import Image
 
-from peakmark.experiments.cave.walk import CaveConfig, View, marker_rows, open_cave, walk
+from peakmark.experiments.cave.walk import (
+    COUNTS,
+    CaveConfig,
+    CaveFrame,
+    CaveView,
+    Counts,
+    marker_rows,
+    open_cave,
+    render_walk,
+    total,
+)
+from peakmark.identification.detection import Detection
+from peakmark.plain import inlined
 from peakmark.report import plots
-from peakmark.report.film import filmed
-from peakmark.report.overlay_arrays import box_around, draw_arrays
-from peakmark.report.page import Section, Table, jpeg_uri, svg_uri, write_report
+from peakmark.report.overlay import box_around, draw_arrays
+from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
+from peakmark.report.views import write_views
 from peakmark.score.markers import at_markers
 
-COUNTS = (
-    "markers_in_view",
-    "markers_found",
-    "false_detections",
-    "polarity_errors",
-    "polarity_errors_by_signature",
-    "arrays_in_view",
-    "arrays_decoded",
-    "wrong_codes",
-    "unsure",
-    "arrays_decoded_by_paper",
-    "wrong_codes_by_paper",
-)
-"""Figures of a view that add up over frames."""
-
-_MOST_CUTTINGS = 8
+_MOST_CUT_OUTS = 8
+"""Arrays that Figure 15 shows: two lines of four."""
 
 
-def run(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> dict[str, Any]:
-    """Run the experiment, write everything into `out`, and return what `result.json` holds.
+@dataclass(frozen=True)
+class CaveResult:
+    """What `result.json` holds, the counts inlined: a frame's figures, or sums of counts and medians over several."""
+
+    counts: Counts
+    """Sums over the frames."""
+    codes: list[int]
+    """That were read in any frame, each once."""
+    missed: list[str]
+    """Names of what was not found, frame by frame."""
+    pose_mm: float | None
+    """Median error of the camera's position; None without any pose."""
+    pose_deg: float | None
+    """Median error of its rotation."""
+    response_drop: float | None
+    """Median."""
+    features: int
+    """Median number of key points."""
+    rank_of_last_marker: int | None
+    """Of the first frame."""
+    frames: int
+    """That were rendered."""
+    time_s: dict[str, float | None]
+    """Median seconds by stage."""
+    config: CaveConfig
+    """Of the run."""
+    load_s: float
+    """Seconds for the scene."""
+    peak_memory_mb: float
+    """Of this process."""
+
+
+def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> CaveResult:
+    """Render, read and score the frames, write everything into `out`, and return what `result.json` holds.
 
     `on_step` is called when the scene is loaded and after each frame.
 
@@ -52,61 +81,60 @@ def run(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambd
         setup = open_cave(config)
         load_s = perf_counter() - start
         on_step()
-        rows: list[dict[str, Any]] = []
-        film = folder / "walk.mp4" if config.frames > 1 else None
-        for view, picture in filmed(walk(setup, config), overlay, film):
-            rows.append(view.row())
-            if view.index == 0:
-                first, figures = view, write_pictures(folder, view, picture)
+        records: list[CaveFrame] = []
+
+        def keep(view: CaveView) -> None:
+            records.append(view.record())
             on_step()
-        result = {**summary(rows), "config": asdict(config), "load_s": load_s, "peak_memory_mb": peak_memory_mb()}
+
+        film = "walk.mp4" if config.frames > 1 else None
+        first, figures = write_views(folder, render_walk(setup, config), draw_view, figures_of, film, keep)
+        result = summarise_frames(records, config, load_s)
         if config.frames > 1:
-            write_rows(folder / "frames.csv", rows)
-        _write_report(folder, config, first, result, figures)
-        write_json(folder / "result.json", result)
+            write_rows(folder / "frames.csv", [inlined(record, "counts") for record in records])
+        _write_report(folder, first, result, figures)
+        write_json(folder / "result.json", inlined(result, "counts"))
     return result
 
 
-def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def summarise_frames(records: Sequence[CaveFrame], config: CaveConfig, load_s: float) -> CaveResult:
     """Return a frame's figures, or over several the sums of counts and the median of each error."""
-    first = rows[0]
-    medians = {name: _median([row[name] for row in rows]) for name in ("pose_mm", "pose_deg", "response_drop")}
-    return {
-        **{name: sum(row[name] for row in rows) for name in COUNTS},
-        "codes": sorted({code for row in rows for code in row["codes"]}),
-        "missed": [name for row in rows for name in row["missed"]],
-        **medians,
-        "features": int(np.median([row["features"] for row in rows])),
-        "rank_of_last_marker": first["rank_of_last_marker"],
-        "frames": len(rows),
-        "time_s": {stage: _median([row["time_s"][stage] for row in rows]) for stage in first["time_s"]},
-    }
+    first = records[0]
+    return CaveResult(
+        counts=total([record.counts for record in records]),
+        codes=sorted({code for record in records for code in record.codes}),
+        missed=[name for record in records for name in record.missed],
+        pose_mm=_median(record.pose_mm for record in records),
+        pose_deg=_median(record.pose_deg for record in records),
+        response_drop=_median(record.response_drop for record in records),
+        features=int(np.median([record.features for record in records])),
+        rank_of_last_marker=first.rank_of_last_marker,
+        frames=len(records),
+        time_s={stage: _median(record.time_s[stage] for record in records) for stage in first.time_s},
+        config=config,
+        load_s=load_s,
+        peak_memory_mb=peak_memory_mb(),
+    )
 
 
-def _median(values: list[float | None]) -> float | None:
+def _median(values: Iterable[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.median(known)) if known else None
 
 
-def overlay(view: View) -> NDArray[np.uint8]:
+def draw_view(view: CaveView) -> NDArray[np.uint8]:
     """Return the frame with crosses and decoded numbers (Figure 13)."""
     truth = {t.name: t.center_xy for t in view.frame.truth}
     missed = [truth[name] for name in view.markers.missed]
     return draw_arrays(view.frame.image, view.reading.found.detections, view.reading.arrays, missed)
 
 
-def write_pictures(folder: Path, view: View, picture: NDArray[np.uint8]) -> dict[str, str]:
-    """Write frame.png, overlay.png, response_vs_vis.png and polarity.png; return them as data URIs."""
-    # photographs with noise hardly shrink, so the quickest compression serves
-    Image.fromarray(view.frame.image).save(folder / "frame.png", compress_level=1)
-    Image.fromarray(picture).save(folder / "overlay.png", compress_level=1)
-    figures = {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
-    for name, figure in figures.items():
-        plots.save(figure, folder / f"{name}.png")
-    return {"overlay": jpeg_uri(picture), **{name: svg_uri(figure) for name, figure in figures.items()}}
+def figures_of(view: CaveView) -> dict[str, Any]:
+    """Return Figures 14 and 15."""
+    return {"response_vs_vis": response_figure(view), "polarity": polarity_figure(view)}
 
 
-def response_figure(view: View) -> Any:
+def response_figure(view: CaveView) -> Any:
     """Return Figure 14, without the second key points that overlapping octaves find at the markers."""
     figure, ax = plots.new_figure()
     found = view.reading.found
@@ -118,13 +146,13 @@ def response_figure(view: View) -> Any:
     return figure
 
 
-def polarity_figure(view: View) -> Any:
+def polarity_figure(view: CaveView) -> Any:
     """Return Figure 15: arrays cut out, with the sign of each marker; the whole frame if there is no array."""
     from matplotlib.figure import Figure
 
     image, detections = view.frame.image, view.reading.found.detections
     size = (image.shape[1], image.shape[0])
-    parts = [(_title(a.code), box_around(*_around(a.detections), size)) for a in view.reading.arrays[:_MOST_CUTTINGS]]
+    parts = [(_title(a.code), box_around(*_around(a.detections), size)) for a in view.reading.arrays[:_MOST_CUT_OUTS]]
     parts = parts or [("no array", (0, 0, *size))]
     columns = min(4, len(parts))
     rows = -(-len(parts) // columns)
@@ -142,17 +170,16 @@ def _title(code: int | None) -> str:
     return "unsure" if code is None else f"array {code} = {code:03b}"
 
 
-def _around(detections: tuple[Any, ...]) -> tuple[NDArray[np.float64], float]:
+def _around(detections: Sequence[Detection]) -> tuple[NDArray[np.float64], float]:
     return np.array([d.xy for d in detections]), 1.5 * float(np.mean([d.size for d in detections]))
 
 
-def _write_report(
-    folder: Path, config: CaveConfig, first: View, result: dict[str, Any], figures: dict[str, str]
-) -> None:
+def _write_report(folder: Path, first: CaveView, result: CaveResult, figures: dict[str, str]) -> None:
+    counts, config = result.counts, result.config
     lead = (
-        f"{result['arrays_decoded']} of {result['arrays_in_view']} arrays in view decoded, {result['wrong_codes']} "
-        f"wrong codes; {result['markers_found']} of {result['markers_in_view']} markers found among "
-        f"{result['features']:,} features{' a frame' if config.frames > 1 else ''}. Scene “{config.scene}”, renderer "
+        f"{counts.arrays_decoded} of {counts.arrays_in_view} arrays in view decoded, {counts.wrong_codes} "
+        f"wrong codes; {counts.markers_found} of {counts.markers_in_view} markers found among "
+        f"{result.features:,} features{' a frame' if config.frames > 1 else ''}. Scene “{config.scene}”, renderer "
         f"{first.frame.renderer}, seed {config.seed}. {error_budget(first.frame.renderer)}. "
         f"In view: wholly visible, 20 px or larger, tilted to 45°."
     )
@@ -176,7 +203,7 @@ def _write_report(
     write_report(folder / "report.html", "SIFT/SURF CAVE: arrays read and scored", lead, sections)
 
 
-def marker_table(view: View) -> Table:
+def marker_table(view: CaveView) -> Table:
     """Return one row a marker: truth beside what was found."""
     head = ("marker", "side (px)", "distance (m)", "tilt (°)", "found", "error (px)", "polarity", "by signature")
     words = {True: "right", False: "wrong", None: None}
@@ -198,17 +225,16 @@ def marker_table(view: View) -> Table:
     )
 
 
-def result_rows(result: dict[str, Any]) -> list[tuple[str, Any]]:
+def result_rows(result: CaveResult) -> list[tuple[str, Any]]:
     """Return the headline figures with units, for the report and the terminal."""
-    times = result["time_s"]
     return [
-        ("features", result["features"]),
-        *((name.replace("_", " "), result[name]) for name in COUNTS),
-        ("codes read", " ".join(map(str, result["codes"])) or None),
-        ("rank of the last marker", result["rank_of_last_marker"]),
-        ("response drop, last marker over strongest clutter", result["response_drop"]),
-        ("camera position error (mm)", result["pose_mm"]),
-        ("camera rotation error (°)", result["pose_deg"]),
-        *((f"{stage} (s)", seconds) for stage, seconds in times.items()),
-        ("peak memory (MB)", result["peak_memory_mb"]),
+        ("features", result.features),
+        *((name.replace("_", " "), getattr(result.counts, name)) for name in COUNTS),
+        ("codes read", " ".join(map(str, result.codes)) or None),
+        ("rank of the last marker", result.rank_of_last_marker),
+        ("response drop, last marker over strongest clutter", result.response_drop),
+        ("camera position error (mm)", result.pose_mm),
+        ("camera rotation error (°)", result.pose_deg),
+        *((f"{stage} (s)", seconds) for stage, seconds in result.time_s.items()),
+        ("peak memory (MB)", result.peak_memory_mb),
     ]

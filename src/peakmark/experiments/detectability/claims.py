@@ -3,14 +3,20 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from peakmark.experiments.detectability.points import sides_away
 from peakmark.experiments.detectability.tables import PRESETS, ditches, gains, runs_text, select, span
-from peakmark.experiments.detectability.trials import TOLERANCE_PX, Row
+from peakmark.experiments.detectability.trials import Row
 from peakmark.report.page import Table
+from peakmark.score.statistics import Rate
+from peakmark.score.wanted import TOLERANCE_PX
 
 _NOISE_OF_20_PERCENT = 51
+"""σ in grey levels: 20 % of their range."""
+
 _OFTEN = 0.9
+"""Rate from which a marker counts as found often; below is a ditch. Chosen by hand."""
 
 
 def claims_table(rows: Sequence[Row]) -> Table:
@@ -18,7 +24,7 @@ def claims_table(rows: Sequence[Row]) -> Table:
     makers = (
         _claim_sizes,
         _claim_ditches,
-        _claim_turn,
+        _claim_rotation,
         _claim_surf_tilt,
         _claim_sift_tilt,
         _claim_noise,
@@ -30,7 +36,7 @@ def claims_table(rows: Sequence[Row]) -> Table:
 
 
 def _sizes(rows: Sequence[Row], share: float) -> str:
-    whole = span(select(rows, "scale", "surf-dark", "surf-paper"), lambda row: bool(row["detected"] >= share))
+    whole = span(select(rows, "scale", "surf-dark", "surf-paper"), lambda row: _share(row.found.detected) >= share)
     return "none" if whole is None else f"{whole[0]:g} to {whole[1]:g} px"
 
 
@@ -39,13 +45,17 @@ def _claim_sizes(rows: Sequence[Row]) -> list[str]:
     return [
         "the SURF marker is detected from 12 to 210 px",
         found,
-        "one centred picture is one draw; whether the smallest and largest sizes are found depends on the "
-        "sub-pixel phase and turn",
+        "one centred image is one draw; whether the smallest and largest sizes are found depends on the "
+        "sub-pixel phase and rotation",
     ]
 
 
 def _is_often_found(row: Row) -> bool:
-    return bool(row["detected"] >= _OFTEN)
+    return _share(row.found.detected) >= _OFTEN
+
+
+def _share(rate: Rate) -> float:
+    return rate.value or 0.0
 
 
 def _claim_ditches(rows: Sequence[Row]) -> list[str]:
@@ -61,18 +71,19 @@ def _claim_ditches(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _claim_turn(rows: Sequence[Row]) -> list[str]:
+def _claim_rotation(rows: Sequence[Row]) -> list[str]:
     texts = []
     for marker, detector in PRESETS.items():
-        responses = turn_responses(rows, marker, detector)
+        responses = rotation_responses(rows, marker, detector)
         if len(responses):
             texts.append(f"{marker} within ±{100 * np.abs(responses / responses.mean() - 1).max():.1f} % of its mean")
     return ["the response stays high over in-plane rotation, SURF's at 45° too", "; ".join(texts), "it does not differ"]
 
 
-def turn_responses(rows: Sequence[Row], marker: str, detector: str) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+def rotation_responses(rows: Sequence[Row], marker: str, detector: str) -> NDArray[np.float64]:
     """Return the median responses over in-plane rotation."""
-    return np.array([row["response"] for row in select(rows, "turn", marker, detector) if row["response"]], float)
+    medians = [row.found.response.median for row in select(rows, "turn", marker, detector)]
+    return np.array([median for median in medians if median], dtype=np.float64)
 
 
 def _tilt_text(rows: Sequence[Row], marker: str, detector: str) -> str:
@@ -80,8 +91,9 @@ def _tilt_text(rows: Sequence[Row], marker: str, detector: str) -> str:
     texts = []
     for distance in (1, 2, 5, 20):
         curve = select(rows, "tilt", marker, detector, sides_away(distance))
-        beyond = [row["x"] for row in curve if row["rms_px"] is None or row["rms_px"] > TOLERANCE_PX]
-        missed = ", ".join(f"{row['x']:g}°" for row in curve if not _is_often_found(row))
+        errors = [(row.x, row.found.error.rms_px) for row in curve]
+        beyond = [x for x, rms in errors if rms is None or rms > TOLERANCE_PX]
+        missed = ", ".join(f"{row.x:g}°" for row in curve if not _is_often_found(row))
         text = f"beyond 3 px RMS {f'from {beyond[0]:g}°' if beyond else 'never'}, below 90 % at {missed or 'none'}"
         texts.append(f"{sides_away(distance)}: {text if curve else 'not measured'}")
     return "; ".join(texts)
@@ -100,7 +112,7 @@ def _claim_sift_tilt(rows: Sequence[Row]) -> list[str]:
     return [
         "SIFT's marker leaves the 3 px limit at 35°",
         _tilt_text(rows, "sift-dark", "sift"),
-        "not an error of place: near 40° foreshortening brings the size to the seam between two of SIFT's octaves, "
+        "not an error of position: near 40° foreshortening brings the size to the seam between two of SIFT's octaves, "
         "1.6·2^3.5 = 18.1 px, where the marker is missed; how wide that ditch is depends on where its centre lies "
         "between the octave's samples, 4 px apart",
     ]
@@ -110,11 +122,11 @@ def _claim_noise(rows: Sequence[Row]) -> list[str]:
     texts = []
     for marker, detector in PRESETS.items():
         curve = select(rows, "noise", marker, detector)
-        at = min(curve, key=lambda row: abs(row["x"] - _NOISE_OF_20_PERCENT), default=None)
-        if at is not None and at["response_ratio"]:
+        at = min(curve, key=lambda row: abs(row.x - _NOISE_OF_20_PERCENT), default=None)
+        if at is not None and at.found.response_ratio:
             texts.append(
-                f"{marker} at σ {at['x']:g}: {100 * at['detected']:.0f} % detected, "
-                f"response {100 * at['response_ratio']:.0f} % of the clean one"
+                f"{marker} at σ {at.x:g}: {100 * _share(at.found.detected):.0f} % detected, "
+                f"response {100 * at.found.response_ratio:.0f} % of the clean one"
             )
     return [
         "noise matters only from σ = 20 % of the grey range",
@@ -125,13 +137,13 @@ def _claim_noise(rows: Sequence[Row]) -> list[str]:
 
 def _claim_unique(rows: Sequence[Row]) -> list[str]:
     texts = [
-        f"{marker} on {row['series']} {100 * row['unique']:.0f} %"
+        f"{marker} on {row.series} {100 * _share(row.found.unique):.0f} %"
         for marker, detector in PRESETS.items()
         for series in ("gravel", "brick", "grass")
         for row in select(rows, "background", marker, detector, series)
     ]
     return [
-        "the markers are uniquely detectable: the strongest point of the picture is theirs",
+        "the markers are uniquely detectable: the strongest point of the image is theirs",
         ", ".join(texts),
         "each answers as strongly as any pattern can; where another point is stronger, it is the marker's own "
         "edge at another scale, or its blob is more than 3 px off",
@@ -147,19 +159,20 @@ def _claim_optimal(rows: Sequence[Row]) -> list[str]:
     return [
         "the markers trigger the maximum response",
         "; ".join(texts),
-        "they are optimal under an energy limit; print and 8-bit pictures limit the range, where the optimum is binary",
+        "they are optimal under an energy limit; print and 8-bit images limit the range, where the optimum is binary",
     ]
 
 
 def _claim_sift_bias(rows: Sequence[Row]) -> list[str]:
     texts = []
     for detector in ("sift-opencv", "sift", "vlfeat"):
-        curve = [row for row in select(rows, "bias", "sift-dark", detector) if row["bias_x_px"] is not None]
-        if curve:
-            bias = [float(np.median([row[f"bias_{axis}_px"] for row in curve])) for axis in "xy"]
-            texts.append(f"{detector} ({bias[0]:+.3f}, {bias[1]:+.3f}) px")
+        errors = [row.found.error for row in select(rows, "bias", "sift-dark", detector)]
+        biases = [(error.bias_x_px, error.bias_y_px) for error in errors if error.bias_x_px is not None]
+        if biases:
+            x, y = np.median(np.array(biases, dtype=np.float64), axis=0)
+            texts.append(f"{detector} ({x:+.3f}, {y:+.3f}) px")
     return [
         "(not in the paper) SIFT's localisation bias",
         "median over the sizes: " + "; ".join(texts),
-        "OpenCV doubles the picture with its corner, not its centre, held fixed",
+        "OpenCV doubles the image with its corner, not its centre, held fixed",
     ]

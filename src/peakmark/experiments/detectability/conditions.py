@@ -1,4 +1,4 @@
-"""Pictures of one marker under one distortion at a time: what Section 4.1 looks at, drawn by our renderer."""
+"""Images of one marker under one distortion at a time, as in Section 4.1, drawn by our renderer."""
 
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame
-from peaksim.camera.sensor import Sensor, take
+from peaksim.camera.sensor import Sensor, capture_image
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.rendering import render
 from peaksim.scene.scene import Mark, Quad, Scene
@@ -16,6 +16,7 @@ from peaksim.scene.texture import Texture
 from peaksim.shipped import ASSETS
 
 from peakmark.errors import InputError
+from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity, dog_zero_crossing, sift_marker, surf_texture
 
 KINDS = ("surf-dark", "surf-light", "surf-range-dark", "sift-dark", "sift-range-dark")
@@ -28,21 +29,27 @@ SIFT_SIDES = 10.0
 """Side of a SIFT marker in σ; beyond, its DoG differs from the surround by less than 0.2 grey levels."""
 
 _CELL_TEXELS = 64
+"""Of a SURF marker's cell: the largest marker is drawn with twice its pixels."""
+
 _SIFT_TEXELS = 641
+"""Of a SIFT marker's side; odd, so that its centre is a texel."""
+
 _PHOTO_SIDES = 12.0
+"""Width of the photograph behind a marker, in its sides: it fills the image wherever the marker is in front of it."""
+
 _MID_GRAY = 127.5
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What the camera looks at and what is done to the picture."""
+    """What the camera sees and what happens to the image."""
 
     marker: str = "surf-dark"
     """One of `KINDS`."""
     side_px: float = 147.0
-    """Side of the marker seen squarely; 10 σ for a SIFT marker."""
+    """Side of the marker without tilt; 10 σ for a SIFT marker."""
     image_px: int = 301
-    """Side of the square picture."""
+    """Side of the square image."""
     turn_deg: float | None = None
     """In-plane rotation; None draws one at random."""
     tilt_deg: float = 0.0
@@ -66,16 +73,16 @@ class Condition:
     exposure: float = 1.0
     """Multiplier of the light."""
     off_axis_px: float = 0.0
-    """Distance of the marker from the picture's centre, in a random direction."""
-    place_px: float = field(default=1.0, repr=False)  # streams are named by the rest
-    """Side of the square, about that place, in which the centre is drawn: 1 px is a pixel's phase, 8 px that of octaves
-    which take every 8th pixel."""
+    """Distance of the marker from the image's centre, in a random direction."""
+    position_range_px: float = field(default=1.0, repr=False)  # streams are named by the rest
+    """Side of the square, about that position, in which the centre is drawn: 1 px is a pixel's phase, 8 px that of
+    octaves which take every 8th pixel."""
     is_centred: bool = False
-    """As the paper has it: no sub-pixel phase, and unturned, tilted about the vertical, moved to the right."""
+    """As the paper has it: no sub-pixel phase, no rotation; tilted about the vertical, moved to the right."""
 
     @property
     def scenery(self) -> "Condition":
-        """What is seen, without what is done to the picture: conditions that share it share drawings."""
+        """The condition without what happens to the image: conditions that share it share drawings."""
         plain = {name: getattr(Condition, name) for name in _CAMERA_FIELDS}
         return replace(self, **plain)
 
@@ -103,14 +110,14 @@ class Drawing:
     blob_xy: NDArray[np.float64]
     """(2,) centroid of the image of its central blob, which perspective moves away from `center_xy`."""
     side_px: float
-    """Square root of the marker's area in the picture."""
+    """Square root of the marker's area in the image."""
     direction_deg: float
     """Of a motion of the camera."""
 
 
 @dataclass(frozen=True)
-class View:
-    """One picture and where its marker is."""
+class MarkerImage:
+    """One image and where its marker is."""
 
     image: NDArray[np.uint8]
     """(image_px, image_px)."""
@@ -119,29 +126,31 @@ class View:
     blob_xy: NDArray[np.float64]
     """(2,) centroid of the image of its central blob, px."""
     side_px: float
-    """Square root of the marker's area in the picture."""
+    """Square root of the marker's area in the image."""
 
 
-def look(condition: Condition, rng: np.random.Generator) -> View:
-    """Return a picture under a condition: `draw`, then `photograph`."""
-    return photograph(draw(condition, rng), condition, rng)
+def render_image(condition: Condition, rng: np.random.Generator) -> MarkerImage:
+    """Return an image under a condition: `draw_marker`, then `expose_drawing`."""
+    return expose_drawing(draw_marker(condition, rng), condition, rng)
 
 
-def draw(condition: Condition, rng: np.random.Generator) -> Drawing:
-    """Draw the scenery at a random place within `place_px`, and turn, tilt axis and direction where they are free."""
-    tilt_axis, turn, direction = (90.0, 0.0, 0.0) if condition.is_centred else rng.uniform(0, 360, 3)
-    phase_px = np.zeros(2) if condition.is_centred else condition.place_px * rng.uniform(-0.5, 0.5, 2)
-    place_sides = rng.uniform(-4, 4, 2)
-    turn = turn if condition.turn_deg is None else condition.turn_deg
+def draw_marker(condition: Condition, rng: np.random.Generator) -> Drawing:
+    """Draw the scenery at a random position, with a random rotation, tilt axis and direction where they are free."""
+    tilt_axis, rotation_deg, direction = (90.0, 0.0, 0.0) if condition.is_centred else rng.uniform(0, 360, 3)
+    phase_px = np.zeros(2) if condition.is_centred else condition.position_range_px * rng.uniform(-0.5, 0.5, 2)
+    photo_offset = rng.uniform(-4, 4, 2)
+    rotation_deg = rotation_deg if condition.turn_deg is None else condition.turn_deg
     rotation = rotation_about("z", tilt_axis) @ rotation_about("x", condition.tilt_deg)
-    rotation = rotation @ rotation_about("z", turn - tilt_axis) @ rotation_about("x", 180)
+    rotation = rotation @ rotation_about("z", rotation_deg - tilt_axis) @ rotation_about("x", 180)
     heading = np.array([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
     offset_px = phase_px + condition.off_axis_px * heading
     position = np.array([*(offset_px / condition.side_px), condition.distance_sides])
     camera = _camera(condition)
 
     def drawn(contrast: float) -> Frame:
-        return render(_scene(condition, compose(rotation, position), place_sides, contrast), camera, np.eye(4), "exact")
+        return render(
+            _scene(condition, compose(rotation, position), photo_offset, contrast), camera, np.eye(4), "exact"
+        )
 
     frame = drawn(1.0)
     return Drawing(
@@ -154,22 +163,24 @@ def draw(condition: Condition, rng: np.random.Generator) -> Drawing:
     )
 
 
-def photograph(drawing: Drawing, condition: Condition, rng: np.random.Generator) -> View:
-    """Take a picture of a drawing with the condition's contrast, blur, light and noise."""
+def expose_drawing(drawing: Drawing, condition: Condition, rng: np.random.Generator) -> MarkerImage:
+    """Take an image of a drawing with the condition's contrast, blur, light and noise."""
     linear = drawing.faded + np.float32(condition.contrast) * (drawing.linear - drawing.faded)
     linear = motion_blurred(linear, condition.motion_px, drawing.direction_deg)
-    image = take(linear, _sensor(condition), rng)
-    return View(image, drawing.center_xy, drawing.blob_xy, drawing.side_px)
+    image = capture_image(linear, _sensor(condition), rng)
+    return MarkerImage(image, drawing.center_xy, drawing.blob_xy, drawing.side_px)
 
 
 def _camera(condition: Condition) -> Camera:
-    """Return the camera that sees the marker squarely at `side_px` from `distance_sides`."""
+    """Return the camera that sees the marker without tilt at `side_px` from `distance_sides`."""
     middle = (condition.image_px - 1) / 2
     focal = condition.side_px * condition.distance_sides
     return Camera(condition.image_px, condition.image_px, focal, focal, middle, middle)
 
 
-def _scene(condition: Condition, pose: NDArray[np.float64], place_sides: NDArray[np.float64], contrast: float) -> Scene:
+def _scene(
+    condition: Condition, pose: NDArray[np.float64], photo_offset: NDArray[np.float64], contrast: float
+) -> Scene:
     """Return a marker of side 1 m at `pose`, before its own rim's grey or one photograph wall."""
     on_photo = condition.background != "uniform"
     texture, side = _marker_texture(condition.marker, contrast, on_photo)
@@ -177,7 +188,7 @@ def _scene(condition: Condition, pose: NDArray[np.float64], place_sides: NDArray
     if not on_photo:
         return Scene((marker,), background=float(texture.pixels[0, 0]))
     behind = pose.copy()
-    behind[:3, 3] -= 0.01 * pose[:3, 2] + pose[:3, :2] @ place_sides
+    behind[:3, 3] -= 0.01 * pose[:3, 2] + pose[:3, :2] @ photo_offset
     wall = Quad("wall", _photo(condition.background), (_PHOTO_SIDES, _PHOTO_SIDES), behind)
     return Scene((marker, wall), background=_MID_GRAY)
 
@@ -185,21 +196,21 @@ def _scene(condition: Condition, pose: NDArray[np.float64], place_sides: NDArray
 @cache
 def _marker_texture(kind: str, contrast: float, framed: bool) -> tuple[Texture, float]:
     """Return a marker's texture, inside one white cell where `framed`, and its side in marker sides."""
-    picture = _MID_GRAY + contrast * (marker_picture(kind) - _MID_GRAY)
-    cell = len(picture) // 9 if framed else 0
-    levels = np.pad(picture, cell, constant_values=255.0)
-    return Texture.from_array(np.rint(levels).astype(np.uint8)), len(levels) / len(picture)
+    pattern = _MID_GRAY + contrast * (marker_pattern(kind) - _MID_GRAY)
+    cell = len(pattern) // 9 if framed else 0
+    levels = np.pad(pattern, cell, constant_values=255.0)
+    return Texture.from_array(np.rint(levels).astype(np.uint8)), len(levels) / len(pattern)
 
 
 @cache
-def marker_picture(kind: str) -> NDArray[np.float64]:
+def marker_pattern(kind: str) -> NDArray[np.float64]:
     """Return a marker finely drawn, without a border, grey levels 0…255."""
     polarity: Polarity = "light" if kind.endswith("light") else "dark"
-    limit = "range" if "range" in kind else "energy"
+    limit: Limit = "range" if "range" in kind else "energy"
     if kind.startswith("surf"):
-        return surf_texture(polarity, limit, _CELL_TEXELS, border_cells=0).astype(np.float64)  # type: ignore[arg-type]
+        return surf_texture(polarity, limit, _CELL_TEXELS, border_cells=0).astype(np.float64)
     sigma = _SIFT_TEXELS / SIFT_SIDES
-    return sift_marker(sigma, _SIFT_TEXELS, polarity, limit).astype(np.float64)  # type: ignore[arg-type]
+    return sift_marker(sigma, _SIFT_TEXELS, polarity, limit).astype(np.float64)
 
 
 @cache
@@ -238,7 +249,7 @@ def _blob_xy(
 
 
 def motion_blurred(linear: NDArray[np.float32], length_px: float, direction_deg: float) -> NDArray[np.float32]:
-    """Return the picture averaged along a line, as a steady motion of the camera during exposure does."""
+    """Return the image averaged along a line, as a steady motion of the camera during exposure does."""
     if length_px <= 0:
         return linear
     reach = int(np.ceil(length_px / 2)) + 1

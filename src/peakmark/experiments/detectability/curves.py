@@ -8,7 +8,8 @@ import numpy as np
 from peakmark.experiments.detectability.figures import COLOURS, new_figure
 from peakmark.experiments.detectability.points import sides_away
 from peakmark.experiments.detectability.tables import select
-from peakmark.experiments.detectability.trials import TOLERANCE_PX, Row
+from peakmark.experiments.detectability.trials import Row
+from peakmark.score.wanted import TOLERANCE_PX
 
 Curve = tuple[str, str, str]
 """Marker, detector, series."""
@@ -36,7 +37,7 @@ _FIGURES = {"scale": "figure-7", "turn": "figure-8", "tilt": "figure-9"}
 
 def curve_figures(rows: Sequence[Row]) -> dict[str, Any]:
     """Return a figure for every measured axis, by its file's stem."""
-    measured = {row["experiment"] for row in rows}
+    measured = {row.experiment for row in rows}
     return {
         _FIGURES.get(experiment, experiment): curves_figure(rows, experiment, panels_of(experiment))
         for experiment in LABELS
@@ -68,7 +69,7 @@ def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequenc
             draw_response(line[0], found, colour, ", ".join(filter(None, names)))
             draw_rate(line[1], found, colour)
             draw_error(line[2], found, colour)
-        x = [row["x"] for _, found in panel for row in found]
+        x = [row.x for _, found in panel for row in found]
         for ax in line:
             ax.set(xlabel=LABELS[experiment])
             if experiment in _LOGARITHMIC:
@@ -83,10 +84,12 @@ def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequenc
 
 def draw_response(ax: Any, curve: Sequence[Row], colour: str, label: str) -> None:
     """Draw the median response over that of the undistorted marker, and the span of its middle 90 %."""
-    found = [row for row in curve if row["response_ratio"]]
-    x = [row["x"] for row in found]
-    middle = np.array([row["response_ratio"] for row in found])
-    low, high = (middle * [row[name] / row["response"] for row in found] for name in ("response_p5", "response_p95"))
+    found = [(row.x, row.found) for row in curve if row.found.response_ratio]
+    x = [x for x, _ in found]
+    middle, low, high = (
+        np.array([one.response_ratio * (getattr(one.response, name) / one.response.median) for _, one in found])
+        for name in ("median", "p5", "p95")
+    )
     ax.plot(x, middle, color=colour, label=label, marker="o", markersize=2.5, linewidth=1.2)
     ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
     ax.set(ylabel="response / undistorted", title="response: median and middle 90 %")
@@ -95,10 +98,10 @@ def draw_response(ax: Any, curve: Sequence[Row], colour: str, label: str) -> Non
 
 def draw_rate(ax: Any, curve: Sequence[Row], colour: str) -> None:
     """Draw the rate of detection within 3 px with its interval, dashed the unique one, dotted within 0.1 side."""
-    x = [row["x"] for row in curve]
+    x, found = [row.x for row in curve], [row.found for row in curve]
     for name, width, style in (("detected", 1.2, "-"), ("unique", 0.9, "--"), ("detected_in_sides", 0.9, ":")):
-        ax.plot(x, [row[name] for row in curve], color=colour, linewidth=width, linestyle=style)
-    low, high = ([row[name] for row in curve] for name in ("detected_low", "detected_high"))
+        ax.plot(x, [getattr(one, name).value for one in found], color=colour, linewidth=width, linestyle=style)
+    low, high = [one.detected.low for one in found], [one.detected.high for one in found]
     ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
     title = "found within 3 px, with interval;\ndashed: uniquely; dotted: within 0.1 side"
     ax.set(ylabel="rate", title=title, ylim=(-0.03, 1.03))
@@ -106,9 +109,9 @@ def draw_rate(ax: Any, curve: Sequence[Row], colour: str) -> None:
 
 def draw_error(ax: Any, curve: Sequence[Row], colour: str) -> None:
     """Draw the RMS error from the true centre and, dashed, from the projected blob's centroid."""
-    found = [row for row in curve if row["rms_px"] is not None]
-    x = [row["x"] for row in found]
-    ax.plot(x, [row["rms_px"] for row in found], color=colour, linewidth=1.2)
-    ax.plot(x, [row["blob_rms_px"] for row in found], color=colour, linestyle="--", linewidth=0.9)
+    found = [row for row in curve if row.found.error.rms_px is not None]
+    x = [row.x for row in found]
+    ax.plot(x, [row.found.error.rms_px for row in found], color=colour, linewidth=1.2)
+    ax.plot(x, [row.found.blob_error.rms_px for row in found], color=colour, linestyle="--", linewidth=0.9)
     ax.axhline(TOLERANCE_PX, color="black", linewidth=0.8, linestyle=":")
     ax.set(ylabel="RMS error, px", title="error from the true centre;\ndashed: from the blob's", ylim=(0, 6))

@@ -1,7 +1,7 @@
 """How near and how far a printed marker is found, for a camera: read from measured rates over size and tilt.
 
-The rates ship with the package, as `scripts/detectability.py` measured them over random phases, turns and tilt axes.
-A marker of side S at distance Z is f·S / Z px large, f being the focal length in px, seen squarely; its perspective
+The rates ship with the package, as `scripts/detectability.py` measured them over random phases, rotations and tilt
+axes. Without tilt a marker of side S at distance Z is f·S / Z px large, f being the focal length in px; its perspective
 is that of 20 marker sides away.
 """
 
@@ -30,7 +30,7 @@ class Rates:
     tilt_deg: NDArray[np.float64]
     """(t,) rising."""
     side_px: NDArray[np.float64]
-    """(s,) side in the picture, seen squarely, rising."""
+    """(s,) side in the image without tilt, rising."""
     detected: NDArray[np.float64]
     """(t, s) share of the trials."""
     detected_low: NDArray[np.float64]
@@ -105,7 +105,7 @@ def reach(rates: Rates, focal_px: float, side_m: float, required: float = REQUIR
 
 
 def distance_m(side_px: NDArray[np.float64], focal_px: float, side_m: float) -> NDArray[np.float64]:
-    """Return the distance from which a marker of side `side_m` is `side_px` large, seen squarely."""
+    """Return the distance from which a marker of side `side_m` is `side_px` large without tilt."""
     for name, value in (("focal length", focal_px), ("side", side_m)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name}: expected a positive number, got {value}")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from peakmark import marker
 from peakmark.detectors.outcome import run_detector
 from peakmark.detectors.registry import find_detector
-from peakmark.experiments.detectability.conditions import Condition, look
+from peakmark.experiments.detectability.conditions import Condition, render_image
 from peakmark.identification.signature import reference_descriptor
 from peakmark.markers.optimum import Limit
 
@@ -37,9 +37,9 @@ def new_figure(
     return figure, axes
 
 
-def show_picture(ax: Any, picture: NDArray[Any], title: str = "", **settings: Any) -> None:
-    """Draw a grey picture without ticks."""
-    ax.imshow(picture, cmap="gray", interpolation="nearest", **settings)
+def show_image(ax: Any, image: NDArray[Any], title: str = "", **settings: Any) -> None:
+    """Draw a grey image without ticks."""
+    ax.imshow(image, cmap="gray", interpolation="nearest", **settings)
     ax.set_title(title, fontsize=9)
     ax.set(xticks=[], yticks=[])
 
@@ -52,8 +52,8 @@ def figure_1() -> Any:
     kinds = itertools.product(limits, ("SIFT", "SURF"), polarities)
     for ax, (limit, name, polarity) in zip(axes, kinds, strict=True):
         make = marker.sift_marker if name == "SIFT" else marker.surf_marker
-        picture = make(side_px=180, polarity=polarity, limit=limit)
-        show_picture(ax, picture, f"{name} {polarity}, {limit}", vmin=0, vmax=255)
+        pattern = make(side_px=180, polarity=polarity, limit=limit)
+        show_image(ax, pattern, f"{name} {polarity}, {limit}", vmin=0, vmax=255)
     return figure
 
 
@@ -76,7 +76,7 @@ def figure_3() -> Any:
     """Return SURF's box filters."""
     figure, axes = new_figure(3, 1, 8, 3)
     for ax, box, name in zip(axes, marker.surf_filters(9), ("gxx", "gyy", "gxy"), strict=True):
-        show_picture(ax, box, name)
+        show_image(ax, box, name)
     return figure
 
 
@@ -85,9 +85,9 @@ def figure_4() -> Any:
     figure, axes = new_figure(2, 2, 9, 6.5, 0.3)
     for ax, name, side, support in ((axes[0], "SURF", 9.0, 20 * 1.2), (axes[1], "SIFT", 12.0, 12.0 / np.sqrt(2))):
         make = marker.surf_marker if name == "SURF" else marker.sift_marker
-        picture = make(side_px=180)
+        pattern = make(side_px=180)
         half = side / 2
-        show_picture(ax, picture, f"{name} descriptor's 4 × 4 cells", extent=(-half, half, half, -half))
+        show_image(ax, pattern, f"{name} descriptor's 4 × 4 cells", extent=(-half, half, half, -half))
         lines = np.linspace(-support / 2, support / 2, 5)
         ax.hlines(lines, lines[0], lines[-1], color=COLOURS[2], linewidth=1)
         ax.vlines(lines, lines[0], lines[-1], color=COLOURS[2], linewidth=1)
@@ -104,8 +104,9 @@ def figure_4() -> Any:
 def figure_5() -> Any:
     """Return the optimum for the 15 px kernel, under both limits."""
     figure, axes = new_figure(2, 1, 6, 3.2)
-    for ax, limit in zip(axes, ("energy", "range"), strict=True):
-        show_picture(ax, marker.surf_optimum(15, limit), f"kernel of 15 px, {limit} limit")  # type: ignore[arg-type]
+    limits: tuple[Limit, ...] = ("energy", "range")
+    for ax, limit in zip(axes, limits, strict=True):
+        show_image(ax, marker.surf_optimum(15, limit), f"kernel of 15 px, {limit} limit")
     return figure
 
 
@@ -113,7 +114,7 @@ def figure_6(seed: int = 0) -> Any:
     """Return examples of distorted SURF markers; the cross is where SURF puts the marker, the circle the truth."""
     figure, axes = new_figure(4, 2, 9, 4.8)
     examples = {
-        "turned by 10°": Condition(turn_deg=10),
+        "rotated by 10°": Condition(turn_deg=10),
         "tilted by 40°, 1 side away": Condition(turn_deg=0, tilt_deg=40, distance_sides=1),
         "tilted by 40°, 20 sides away": Condition(turn_deg=0, tilt_deg=40),
         "noise σ 50": Condition(turn_deg=0, noise=50),
@@ -124,8 +125,8 @@ def figure_6(seed: int = 0) -> Any:
     }
     find = find_detector("surf-paper", describe=False)
     for ax, (title, condition) in zip(axes, examples.items(), strict=True):
-        view = look(condition, np.random.default_rng(seed))
-        show_picture(ax, view.image, title, vmin=0, vmax=255)
+        view = render_image(condition, np.random.default_rng(seed))
+        show_image(ax, view.image, title, vmin=0, vmax=255)
         ax.plot(*view.center_xy, "o", markerfacecolor="none", color=COLOURS[2], markersize=9)
         found = run_detector(find, view.image).keypoints
         if len(found):
@@ -135,6 +136,6 @@ def figure_6(seed: int = 0) -> Any:
 
 
 def fixed_figures(seed: int = 0) -> dict[str, Any]:
-    """Return figures 1 to 6, which need no run, by their files' stems."""
+    """Return figures 1 to 6, which need no measurement, by their files' stems."""
     makers = (figure_1, figure_2, figure_3, figure_4, figure_5)
     return {f"figure-{number}": make() for number, make in enumerate(makers, 1)} | {"figure-6": figure_6(seed)}

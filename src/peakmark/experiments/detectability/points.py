@@ -21,42 +21,42 @@ SIFT_SIGMA_PX = 15.0
 
 SURF_KINDS = ("surf-dark", "surf-range-dark")
 SIFT_KINDS = ("sift-dark", "sift-range-dark")
-"""Markers that are looked at. Light ones give the same key points: the picture's negative has the same extrema."""
+"""Markers that are measured. Light ones give the same key points: the negative of an image has the same extrema."""
 
 PAPER_PX = 513
-"""Side of the paper's pictures."""
+"""Side of the paper's images."""
 
 MAP_TILTS_DEG = (0.0, 20.0, 40.0, 50.0, 60.0, 70.0)
 MAP_NOISES = (0.0, 10.0)
-MAP_PLACE_PX = 8.0
-"""What the map of sizes × tilts is measured at, and the step of the octaves whose samples the place is random to."""
+MAP_POSITION_RANGE_PX = 8.0
+"""What the map of sizes × tilts is measured at. The positions are random to the samples of octaves of this step."""
 
 PAPER_EXPERIMENTS = ("scale", "turn", "tilt", "noise")
-"""What Section 4.1 looks at."""
+"""What Section 4.1 measures."""
 
 _SURF_DETECTORS = ("surf-paper", "surf")
 _SIFT_IMAGE_PX = 257
-_WHOLE_TURN_DEG = 180
+_LARGEST_ROTATION_DEG = 180
 _TILTS_DEG = np.array([0, 15, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80], float)
 _NEAR_TILTS_DEG = np.array([0, 15, 25, 30, 35, 45, 55, 65, 75, 80], float)
 
 
 @dataclass(frozen=True)
-class Config:
+class DetectabilityConfig:
     """How much to measure."""
 
     trials: int = 100
-    """Random phases and turns a point."""
+    """Random phases and rotations a point."""
     every: int = 1
     """Take each n-th value of every axis; 1 takes all."""
     seed: int = 0
-    """A drawing's stream derives from (seed, its scenery, the trial), a picture's from (seed, its point, the trial)."""
+    """A drawing's stream derives from (seed, its scenery, the trial), an image's from (seed, its point, the trial)."""
     extra: tuple[str, ...] = ()
-    """Further detectors by name, such as "cv2:ORB" or "module:function", that look at every point."""
+    """Further detectors by name, such as "cv2:ORB" or "module:function", for every point."""
     only: tuple[str, ...] = ()
     """Experiments to run, by name; none is all, or the paper's with `is_paper`."""
     is_paper: bool = False
-    """One centred view a point, as the paper's figures have it, instead of random ones."""
+    """One centred image a point, as the paper's figures have it, instead of random ones."""
 
     def __post_init__(self) -> None:
         for name, value, low in (("trials", self.trials, 1), ("every", self.every, 1), ("seed", self.seed, 0)):
@@ -71,14 +71,14 @@ class Config:
 
 @dataclass(frozen=True)
 class Point:
-    """One condition and who looks at it."""
+    """One condition and its detectors."""
 
     experiment: str
     """Name in `EXPERIMENTS`."""
     x: float
     """Position on the experiment's axis."""
     condition: Condition
-    """What is seen."""
+    """What the image shows."""
     detectors: tuple[str, ...]
     """Names of detectors."""
     series: str = ""
@@ -86,11 +86,11 @@ class Point:
 
     @property
     def name(self) -> str:
-        """Unique among the points of a run; the random stream of its pictures derives from it."""
+        """Unique among the points of a run; the random stream of its images derives from it."""
         return f"{self.experiment}/{self.condition.marker}/{self.series}/{self.x:g}"
 
 
-def points(config: Config) -> list[Point]:
+def points(config: DetectabilityConfig) -> list[Point]:
     """Return all points of a configuration, experiment by experiment."""
     names = config.only or (PAPER_EXPERIMENTS if config.is_paper else tuple(EXPERIMENTS))
     chosen = [point for name in names for point in EXPERIMENTS[name](config.every)]
@@ -98,18 +98,18 @@ def points(config: Config) -> list[Point]:
         replace(
             point,
             detectors=tuple(dict.fromkeys((*point.detectors, *config.extra))),
-            condition=_as_the_paper(point.condition) if config.is_paper else point.condition,
+            condition=_as_in_paper(point.condition) if config.is_paper else point.condition,
         )
         for point in chosen
     ]
 
 
-def _as_the_paper(condition: Condition) -> Condition:
+def _as_in_paper(condition: Condition) -> Condition:
     return replace(condition, is_centred=True, image_px=PAPER_PX)
 
 
 def undistorted(kind: str) -> Condition:
-    """Return the condition of the paper's size and nothing else; the picture holds the filters next to that size."""
+    """Return the condition of the paper's size and nothing else; the image holds the filters next to that size."""
     if kind.startswith("surf"):
         return Condition(kind, SURF_SIDE_PX)
     return Condition(kind, SIFT_SIGMA_PX * SIFT_SIDES, _SIFT_IMAGE_PX)
@@ -138,16 +138,16 @@ def _along(
 
 
 def _scale(every: int) -> list[Point]:
-    """SURF sides 8…260 px, SIFT σ 1…60 px, binary markers at every other; some are seen by both detectors."""
+    """SURF sides 8…260 px, SIFT σ 1…60 px, binary markers at every other; some go to both detectors."""
     sides = np.unique(np.rint(np.geomspace(8, 260, 54)))[::every]
     sigmas = np.round(np.geomspace(1, 60, 22), 2)[::every]
     surf = [
-        Point("scale", float(s), Condition(kind, float(s), _room(s)), _scale_detectors(kind, s))
+        Point("scale", float(s), Condition(kind, float(s), _image_px(s)), _scale_detectors(kind, s))
         for kind, step in zip(SURF_KINDS, (1, 2), strict=True)
         for s in sides[::step]
     ]
     sift = [
-        Point("scale", float(s), Condition(kind, SIFT_SIDES * s, _room(SIFT_SIDES * s)), ("sift", "surf-paper"))
+        Point("scale", float(s), Condition(kind, SIFT_SIDES * s, _image_px(SIFT_SIDES * s)), ("sift", "surf-paper"))
         for kind, step in zip(SIFT_KINDS, (1, 2), strict=True)
         for s in sigmas[::step]
     ]
@@ -155,31 +155,32 @@ def _scale(every: int) -> list[Point]:
 
 
 def _scale_detectors(kind: str, side_px: float) -> tuple[str, ...]:
-    """Return SURF, and SIFT where it is to be seen what the binary SURF marker is to it."""
+    """Return SURF, and SIFT for the binary SURF marker, whose response to SIFT is compared with the disc's."""
     also = ("sift",) if kind == "surf-range-dark" and side_px <= SURF_SIDE_PX else ()
     return (*_SURF_DETECTORS, *also)
 
 
-def _room(side_px: float) -> int:
-    """Return an odd picture side that holds a marker and the filters next to its size; at most the paper's."""
+def _image_px(side_px: float) -> int:
+    """Return an odd side of an image that holds a marker and the filters next to its size; at most the paper's."""
     return min(max(129, int(1.4 * side_px) + 24), PAPER_PX) | 1
 
 
 def _bias(every: int) -> list[Point]:
-    """The SIFT detectors beside each other; VLFeat's takes part if it is installed."""
+    """Return points for all SIFT detectors; VLFeat's takes part if it is installed."""
     names = ("sift", "sift-opencv", *(("vlfeat",) if find_spec("pycolmap") else ()))
     sigmas = np.array([4.0, 6.0, 9.0, 13.0])[::every]
     return [
-        Point("bias", float(s), Condition("sift-dark", SIFT_SIDES * s, _room(SIFT_SIDES * s)), names) for s in sigmas
+        Point("bias", float(s), Condition("sift-dark", SIFT_SIDES * s, _image_px(SIFT_SIDES * s)), names)
+        for s in sigmas
     ]
 
 
-def _turn(every: int) -> list[Point]:
-    return _along("turn", "turn_deg", np.arange(0.0, _WHOLE_TURN_DEG + 1, 15)[::every])
+def _rotation(every: int) -> list[Point]:
+    return _along("turn", "turn_deg", np.arange(0.0, _LARGEST_ROTATION_DEG + 1, 15)[::every])
 
 
 def _tilt(every: int) -> list[Point]:
-    """Out-of-plane rotation, near and far; what perspective magnifies needs the whole picture."""
+    """Return out-of-plane rotations, near and far; what perspective magnifies needs the whole image."""
     near = [
         point
         for distance in (1.0, 2.0, 5.0)
@@ -210,7 +211,7 @@ def _contrast(every: int) -> list[Point]:
 
 
 def _photographs(every: int) -> list[Point]:
-    """The markers before photographs, by number: 1 gravel, 2 brick, 3 grass."""
+    """Return the markers before photographs, by number: 1 gravel, 2 brick, 3 grass."""
     return [
         Point("background", float(number), replace(condition, background=name), detectors, name)
         for number, name in list(enumerate(("gravel", "brick", "grass"), 1))[:: min(every, 3)]
@@ -219,14 +220,14 @@ def _photographs(every: int) -> list[Point]:
 
 
 def _vignetting(every: int) -> list[Point]:
-    """Smaller markers far from the picture's middle, where light falls off."""
+    """Return smaller markers far from the image's middle, where light falls off."""
     values = np.array([0, 0.3, 0.6, 0.8, 0.95])[::every]
     off = {"off_axis_px": 190.0, "image_px": PAPER_PX, "side_px": 60.0}
     return _along("vignetting", "vignetting", values, "", ("surf-dark", "sift-dark"), **off)
 
 
 def _map(every: int) -> list[Point]:
-    """Sides × tilts from afar, without and with noise: what the operating envelope in metres is read from."""
+    """Return sides × tilts from afar, without and with noise: the operating envelope in metres is read from them."""
     surf_sides = np.rint(np.geomspace(10, 210, 18))[::every]
     sift_sides = np.rint(np.geomspace(12, 210, 11))[::every]
     return [
@@ -239,7 +240,9 @@ def _map(every: int) -> list[Point]:
 
 
 def _map_condition(kind: str, side_px: float, tilt_deg: float, noise: float) -> Condition:
-    return Condition(kind, side_px, _room(side_px), tilt_deg=tilt_deg, noise=noise, place_px=MAP_PLACE_PX)
+    return Condition(
+        kind, side_px, _image_px(side_px), tilt_deg=tilt_deg, noise=noise, position_range_px=MAP_POSITION_RANGE_PX
+    )
 
 
 def map_series(tilt_deg: float, noise: float) -> str:
@@ -253,7 +256,7 @@ def _axis(name: str, every: int) -> list[Point]:
 
 
 def _noise(every: int) -> list[Point]:
-    """Noise fills the whole picture, where it competes with the marker."""
+    """Return noise over the whole image of the paper, where it competes with the marker."""
     values = np.arange(0.0, 101, 10)[::every]
     surf = _along("noise", "noise", values, "", SURF_KINDS, image_px=PAPER_PX)
     return surf + _along("noise", "noise", values, "", SIFT_KINDS)
@@ -277,7 +280,7 @@ _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 EXPERIMENTS: dict[str, Callable[[int], list[Point]]] = {
     "scale": _scale,
-    "turn": _turn,
+    "turn": _rotation,
     "tilt": _tilt,
     "noise": _noise,
     "bias": _bias,

@@ -11,7 +11,7 @@ from peakmark.experiments.detectability.points import MAP_NOISES, MAP_TILTS_DEG,
 from peakmark.experiments.detectability.points import map_series as series_of_map
 from peakmark.experiments.detectability.trials import Row
 from peakmark.report.page import Table
-from peakmark.score.statistics import wilson
+from peakmark.score.statistics import Rate, wilson
 
 PRESETS = {"surf-dark": "surf-paper", "sift-dark": "sift"}
 """The paper's markers and the detectors that stand for its own."""
@@ -23,23 +23,24 @@ SIZE = {"surf": "side", "sift": "σ"}
 def select(rows: Sequence[Row], experiment: str, marker: str, detector: str, series: str = "") -> list[Row]:
     """Return one curve's rows by rising x."""
     key = (experiment, marker, detector, series)
-    found = [row for row in rows if (row["experiment"], row["marker"], row["detector"], row["series"]) == key]
-    return sorted(found, key=lambda row: float(row["x"]))
+    found = [row for row in rows if (row.experiment, row.marker, row.detector, row.series) == key]
+    return sorted(found, key=lambda row: row.x)
 
 
 def pairs(rows: Sequence[Row]) -> list[tuple[str, str]]:
     """Return the combinations of marker and detector, in order of appearance."""
-    return list(dict.fromkeys((row["marker"], row["detector"]) for row in rows))
+    return list(dict.fromkeys((row.marker, row.detector) for row in rows))
 
 
 def passes(row: Row) -> bool:
-    """Say whether the detection rate's lower bound reaches 95 %, or the most that so few trials can show."""
-    return bool(row["detected_low"] >= min(REQUIRED, wilson(row["trials"], row["trials"])[0]))
+    """Return whether the detection rate's lower bound reaches 95 %, or the most that so few trials can show."""
+    trials, low = row.found.trials, row.found.detected.low
+    return low is not None and low >= min(REQUIRED, wilson(trials, trials)[0])
 
 
 def span(curve: Sequence[Row], is_good: Callable[[Row], bool] = passes) -> tuple[float, float] | None:
     """Return the smallest and largest x that pass; None if none does."""
-    good = [float(row["x"]) for row in curve if is_good(row)]
+    good = [row.x for row in curve if is_good(row)]
     return (good[0], good[-1]) if good else None
 
 
@@ -48,9 +49,9 @@ def ditches(curve: Sequence[Row], is_good: Callable[[Row], bool] = passes) -> li
     whole = span(curve, is_good)
     if whole is None:
         return []
-    inside = [row for row in curve if whole[0] <= row["x"] <= whole[1]]
+    inside = [row for row in curve if whole[0] <= row.x <= whole[1]]
     runs = [list(run) for good, run in groupby(inside, is_good) if not good]
-    return [(run[0]["x"], run[-1]["x"]) for run in runs]
+    return [(run[0].x, run[-1].x) for run in runs]
 
 
 def reach(curve: Sequence[Row], rising: bool = True) -> float | None:
@@ -59,7 +60,7 @@ def reach(curve: Sequence[Row], rising: bool = True) -> float | None:
     for row in curve if rising else reversed(curve):
         if not passes(row):
             break
-        best = float(row["x"])
+        best = row.x
     return best
 
 
@@ -87,7 +88,7 @@ def envelope_table(rows: Sequence[Row]) -> Table:
 
 
 def _is_family(marker: str, detector: str) -> bool:
-    """Say whether a detector is not just a guest on the other family's marker."""
+    """Return whether a detector is not just a guest on the other family's marker."""
     return (marker[:4] == detector[:4] and detector != "sift-opencv") or detector[:4] not in ("surf", "sift", "vlfe")
 
 
@@ -113,14 +114,18 @@ def envelope_lines(rows: Sequence[Row]) -> list[str]:
     lines = [",".join(COLUMNS)]
     for (marker, detector), noise in product(pairs(rows), MAP_NOISES):
         found = {t: select(rows, "map", marker, detector, series_of_map(t, noise)) for t in MAP_TILTS_DEG}
-        sides = {tuple(row["x"] for row in curve) for curve in found.values() if curve}
+        sides = {tuple(row.x for row in curve) for curve in found.values() if curve}
         if len(sides) == 1:
             lines += [
-                f"{marker},{detector},{noise:g},{tilt:g},{row['x']:g},{row['detected']:.4g},{row['detected_low']:.4g}"
+                f"{marker},{detector},{noise:g},{tilt:g},{row.x:g},{_short(row.found.detected)}"
                 for tilt, curve in found.items()
                 for row in curve
             ]
     return lines
+
+
+def _short(detected: Rate) -> str:
+    return f"{detected.value:.4g},{detected.low:.4g}"
 
 
 def gains_table(rows: Sequence[Row]) -> Table:
@@ -148,20 +153,20 @@ def gains_table(rows: Sequence[Row]) -> Table:
 
 def gains(rows: Sequence[Row], experiment: str, grey: str, binary: str, detector: str) -> NDArray[np.float64]:
     """Return the ratios of median responses at the same x, where both markers are detected in every trial."""
-    strength = {row["x"]: row["response"] for row in select(rows, experiment, grey, detector) if row["detected"] == 1}
-    return np.array(
-        [
-            row["response"] / strength[row["x"]]
-            for row in select(rows, experiment, binary, detector)
-            if row["detected"] == 1 and row["x"] in strength
-        ]
-    )
+    responses, others = (_sure_responses(select(rows, experiment, kind, detector)) for kind in (binary, grey))
+    return np.array([response / others[x] for x, response in responses.items() if x in others])
+
+
+def _sure_responses(curve: Sequence[Row]) -> dict[float, float]:
+    """Return x → median response where the marker is detected in every trial."""
+    sure = [(row.x, row.found.response.median) for row in curve if row.found.detected.value == 1]
+    return {x: median for x, median in sure if median is not None}
 
 
 def peak_ratio(rows: Sequence[Row], marker: str, other: str, detector: str) -> float | None:
-    """Return one marker's greatest median response over all sizes over another's; None if one is never seen."""
+    """Return one marker's greatest median response over all sizes over another's; None if one is never found."""
     best = [
-        max((row["response"] for row in select(rows, "scale", kind, detector) if row["response"]), default=None)
+        max((r.found.response.median or 0.0 for r in select(rows, "scale", kind, detector)), default=0.0)
         for kind in (marker, other)
     ]
     return best[0] / best[1] if best[0] and best[1] else None

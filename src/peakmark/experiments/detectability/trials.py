@@ -1,37 +1,32 @@
-"""Many views of one condition through one detector: is the marker found, uniquely, how strongly, how exactly.
+"""Many images of one condition through one detector: is the marker found, uniquely, how strongly, how exactly.
 
 Definitions of Section 4.1: a marker is *detected* if a key point of about its size lies within 3 px of its centre,
-and *uniquely* if that is the strongest key point of the picture.
+and *uniquely* if that is the strongest key point of the image.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.detectors.outcome import Outcome
-from peakmark.experiments.detectability.conditions import View
-from peakmark.score.statistics import wilson
-
-Row = dict[str, Any]
-"""One point through one detector: names and figures."""
-
-TOLERANCE_PX = 3.0
-"""The paper's limit of the localisation error."""
+from peakmark.experiments.detectability.conditions import MarkerImage
+from peakmark.score.statistics import Rate, rate
+from peakmark.score.wanted import TOLERANCE_PX
 
 TOLERANCE_SIDES = 0.1
-"""The limit that goes with the marker's size, shown beside it."""
+"""The limit that goes with the marker's size, shown beside it: the paper's 3 px at 30 px."""
 
 SIZE_RATIO = 2.0
 """A key point is the marker's if its size is within this factor of what an undistorted marker gives."""
 
 _GATE_SIDES = 0.35
+"""A key point farther off is not the marker's. Chosen by hand: less than half a side, where its border answers."""
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceResponse:
     """What a detector gives for an undistorted marker."""
 
     response: float
@@ -42,14 +37,14 @@ class Reference:
 
 @dataclass(frozen=True)
 class Trial:
-    """One view through one detector."""
+    """One image through one detector."""
 
     detected: bool
     """Within `TOLERANCE_PX`."""
     detected_in_sides: bool
     """Within `TOLERANCE_SIDES`."""
     unique: bool
-    """Detected, and by the strongest key point of the picture."""
+    """Detected, and by the strongest key point of the image."""
     response: float
     """Of the key point that is taken for the marker's; nan without one."""
     error_px: NDArray[np.float64]
@@ -57,14 +52,115 @@ class Trial:
     blob_error_px: NDArray[np.float64]
     """(2,) its position minus the projected blob's centroid."""
     size_per_side: float
-    """Its size over the marker's side in the picture."""
+    """Its size over the marker's side in the image."""
 
 
-MISSED = np.full(2, np.nan)
+_NO_ERROR = np.full(2, np.nan)
 
 
-def judge(view: View, outcome: Outcome, reference: Reference | None) -> Trial:
-    """Compare one picture's key points with the truth.
+@dataclass(frozen=True)
+class Percentiles:
+    """The middle 90 % of a quantity; None where nothing was found."""
+
+    median: float | None
+    """Half of the values are below."""
+    p5: float | None
+    """5 % of the values are below."""
+    p95: float | None
+    """95 % of the values are below."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the marker's key point, px; None where there was none."""
+
+    bias_x_px: float | None
+    """Mean along x."""
+    bias_y_px: float | None
+    """Mean along y."""
+    rms_px: float | None
+    """Root mean square distance."""
+    p95_px: float | None
+    """95th percentile of the distance."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The trials of one condition through one detector."""
+
+    trials: int
+    """Number of images."""
+    detected: Rate
+    """Trials with the marker within `TOLERANCE_PX`."""
+    detected_in_sides: Rate
+    """Trials with the marker within `TOLERANCE_SIDES`."""
+    unique: Rate
+    """Trials with the marker as the strongest key point."""
+    response: Percentiles
+    """Of the marker's key point, where detected."""
+    response_ratio: float | None
+    """Median response over that of the undistorted marker."""
+    size_per_side: Percentiles
+    """Size of the key point over the marker's side, where detected."""
+    error: Errors
+    """From the marker's projected centre."""
+    blob_error: Errors
+    """From the centroid of the image of its central blob."""
+    failures: int
+    """Trials in which the detector raised an exception."""
+    not_finite: int
+    """Key points with nan or inf, over all trials."""
+    outside: int
+    """Key points outside the image, over all trials."""
+    first_failure: str
+    """The first exception's type and text."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One point through one detector."""
+
+    experiment: str
+    """Name of the axis."""
+    marker: str
+    """Kind of the marker."""
+    series: str
+    """What tells this curve from others of the same marker."""
+    x: float
+    """Position on the axis."""
+    detector: str
+    """Name of the detector."""
+    found: Summary
+    """Its trials."""
+
+    def columns(self) -> dict[str, str | float | None]:
+        """Return the columns of rows.csv."""
+        found = self.found
+        return {
+            **{name: getattr(self, name) for name in ("experiment", "marker", "series", "x", "detector")},
+            "trials": found.trials,
+            **_rate_columns("detected", found.detected),
+            **_rate_columns("detected_in_sides", found.detected_in_sides),
+            **_rate_columns("unique", found.unique),
+            **_percentile_columns("response", found.response),
+            "response_ratio": found.response_ratio,
+            **_percentile_columns("size_per_side", found.size_per_side),
+            **asdict(found.error),
+            **{f"blob_{name}": value for name, value in asdict(found.blob_error).items()},
+            **{name: getattr(found, name) for name in ("failures", "not_finite", "outside", "first_failure")},
+        }
+
+
+def _rate_columns(name: str, share: Rate) -> dict[str, float | None]:
+    return {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
+
+
+def _percentile_columns(name: str, found: Percentiles) -> dict[str, float | None]:
+    return {name: found.median, f"{name}_p5": found.p5, f"{name}_p95": found.p95}
+
+
+def score_image(view: MarkerImage, outcome: Outcome, reference: ReferenceResponse | None) -> Trial:
+    """Compare one image's key points with the truth.
 
     The marker's key point is the strongest one of fitting size within 3 px of the centre, else within 0.35 sides;
     without a reference any size fits.
@@ -85,7 +181,7 @@ def judge(view: View, outcome: Outcome, reference: Reference | None) -> Trial:
         None,
     )
     if chosen is None:
-        return Trial(False, False, False, np.nan, MISSED, MISSED, np.nan)
+        return Trial(False, False, False, np.nan, _NO_ERROR, _NO_ERROR, np.nan)
     xy = points.xy[chosen].astype(np.float64)
     detected = bool(distance[chosen] <= TOLERANCE_PX)
     return Trial(
@@ -99,53 +195,52 @@ def judge(view: View, outcome: Outcome, reference: Reference | None) -> Trial:
     )
 
 
-def reference_of(trials: Sequence[Trial]) -> Reference | None:
+def reference_response(trials: Sequence[Trial]) -> ReferenceResponse | None:
     """Return the medians over undistorted trials; None if none was detected."""
     found = [trial for trial in trials if trial.detected]
     if not found:
         return None
-    return Reference(
+    return ReferenceResponse(
         float(np.median([trial.response for trial in found])),
         float(np.median([trial.size_per_side for trial in found])),
     )
 
 
-def summary(trials: Sequence[Trial], outcomes: Sequence[Outcome], reference: Reference | None) -> dict[str, Any]:
-    """Return one point's figures as plain values; None where nothing was found."""
-    count = len(trials)
-    rows: dict[str, Any] = {"trials": count}
-    for name in ("detected", "detected_in_sides", "unique"):
-        hits = sum(getattr(trial, name) for trial in trials)
-        low, high = wilson(hits, count)
-        rows |= {name: hits / count, f"{name}_low": low, f"{name}_high": high}
-    responses = np.array([trial.response for trial in trials if trial.detected])
-    rows |= _spread("response", responses)
-    median = rows["response"]
-    rows["response_ratio"] = None if median is None or reference is None else median / reference.response
-    rows |= _spread("size_per_side", np.array([trial.size_per_side for trial in trials if trial.detected]))
-    rows |= _errors("", np.array([trial.error_px for trial in trials]))
-    rows |= _errors("blob_", np.array([trial.blob_error_px for trial in trials]))
-    rows["failures"] = sum(bool(outcome.failure) for outcome in outcomes)
-    rows["not_finite"] = sum(outcome.not_finite for outcome in outcomes)
-    rows["outside"] = sum(outcome.outside for outcome in outcomes)
-    rows["first_failure"] = next((outcome.failure for outcome in outcomes if outcome.failure), "")
-    return rows
+def summarise_trials(
+    trials: Sequence[Trial], outcomes: Sequence[Outcome], reference: ReferenceResponse | None
+) -> Summary:
+    """Return the figures of one condition's trials through one detector."""
+    detected = [trial for trial in trials if trial.detected]
+    response = _percentiles([trial.response for trial in detected])
+    return Summary(
+        trials=len(trials),
+        detected=rate(len(detected), len(trials)),
+        detected_in_sides=rate(sum(trial.detected_in_sides for trial in trials), len(trials)),
+        unique=rate(sum(trial.unique for trial in trials), len(trials)),
+        response=response,
+        response_ratio=None if response.median is None or reference is None else response.median / reference.response,
+        size_per_side=_percentiles([trial.size_per_side for trial in detected]),
+        error=_errors([trial.error_px for trial in trials]),
+        blob_error=_errors([trial.blob_error_px for trial in trials]),
+        failures=sum(bool(outcome.failure) for outcome in outcomes),
+        not_finite=sum(outcome.not_finite for outcome in outcomes),
+        outside=sum(outcome.outside for outcome in outcomes),
+        first_failure=next((outcome.failure for outcome in outcomes if outcome.failure), ""),
+    )
 
 
-def _spread(name: str, values: NDArray[np.float64]) -> dict[str, float | None]:
-    """Return median, 5th and 95th percentile."""
-    if len(values) == 0:
-        return {name: None, f"{name}_p5": None, f"{name}_p95": None}
-    p5, median, p95 = (float(v) for v in np.percentile(values, [5, 50, 95]))
-    return {name: median, f"{name}_p5": p5, f"{name}_p95": p95}
+def _percentiles(values: Sequence[float]) -> Percentiles:
+    if not values:
+        return Percentiles(None, None, None)
+    p5, median, p95 = (float(value) for value in np.percentile(values, [5, 50, 95]))
+    return Percentiles(median, p5, p95)
 
 
-def _errors(prefix: str, errors_px: NDArray[np.float64]) -> dict[str, float | None]:
-    """Return bias along x and y, RMS and 95th percentile of the distance, over the trials with a key point."""
-    found = errors_px[np.isfinite(errors_px).all(axis=1)]
-    names = ("bias_x_px", "bias_y_px", "rms_px", "p95_px")
+def _errors(errors_px: Sequence[NDArray[np.float64]]) -> Errors:
+    """Return the errors over the trials with a key point; (2,) each, nan without one."""
+    found = np.array([error for error in errors_px if np.isfinite(error).all()])
     if len(found) == 0:
-        return {prefix + name: None for name in names}
+        return Errors(None, None, None, None)
     distance = np.linalg.norm(found, axis=1)
-    values = (*found.mean(axis=0), np.sqrt((distance**2).mean()), np.percentile(distance, 95))
-    return {prefix + name: float(value) for name, value in zip(names, values, strict=True)}
+    x, y = found.mean(axis=0)
+    return Errors(float(x), float(y), float(np.sqrt((distance**2).mean())), float(np.percentile(distance, 95)))

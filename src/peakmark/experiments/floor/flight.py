@@ -1,17 +1,17 @@
 """Fly-throughs (paper, Section 4.2, with a moving camera): each frame rendered, detected, identified and scored.
 
-Frames are independent of each other and come out as plain records, so that an interrupted flight goes on where it
-stopped; what needs their order (tracks, poses, motion) is computed from the records (`flight_course`).
+Frames are independent of each other, so that an interrupted flight resumes where it stopped; what needs their order
+(tracks, poses, motion) is computed from their records (`flight_tracking`).
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.camera.frame import Frame, MarkerTruth
-from peaksim.camera.sensor import take
+from peaksim.camera.frame import Frame
+from peaksim.camera.sensor import capture_image
 from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.ride import Ride
@@ -19,18 +19,15 @@ from peaksim.scene.ride_file import load_ride, shortened
 from peaksim.scene.scene import Scene
 
 from peakmark.errors import InputError
-from peakmark.identification import api as identification
-from peakmark.identification.api import Rule
-from peakmark.identification.detection import Detection, Identification
+from peakmark.experiments.floor.view import FloorView, faster_renderer, score_view
+from peakmark.identification.api import STRONGEST, Rule
 from peakmark.identification.stretch import LARGEST, SMALLEST, Stretch, floor_stretch
-from peakmark.keypoints.image import as_gray
 from peakmark.localise.locate import FloorMap
-from peakmark.score.markers import Score, score_frame
 
 
 @dataclass(frozen=True)
 class FlightConfig:
-    """What to fly through and how to look for markers."""
+    """What to fly through and how to find markers."""
 
     trajectory: str = "stroll"
     """Ride (TOML) or its shipped name, or a TUM, EuRoC or KITTI file."""
@@ -72,8 +69,11 @@ class Flight:
     """A loaded flight."""
 
     config: FlightConfig
+    """What was to be flown."""
     setup: Setup
+    """The scene and its own camera."""
     ride: Ride
+    """Camera, trajectory, sensor and light."""
     times_s: NDArray[np.float64]
     """(n,) of the frames."""
     stretch: Stretch
@@ -82,18 +82,6 @@ class Flight:
     """Of the markers of the scene that `config.map` names, see `map_of`."""
     marker_names: list[str]
     """Names of the markers of the map, in its order."""
-
-
-@dataclass(frozen=True)
-class Shot:
-    """One frame and what was found in it."""
-
-    frame: Frame
-    """After the sensor."""
-    found: Identification
-    score: Score
-    record: dict[str, Any]
-    """The plain values that the rest of the flight needs."""
 
 
 def open_flight(config: FlightConfig) -> Flight:
@@ -107,10 +95,10 @@ def open_flight(config: FlightConfig) -> Flight:
     setup, ride = load_ride(config.trajectory, config.scene, config.texture, config.seed)
     if config.frames is not None:
         ride = shortened(ride, config.frames)
-    charted = setup.scene if config.map is None else load_scene(config.map).scene
-    names = [mark.name for quad in charted.quads for mark in quad.marks]
+    mapped = setup.scene if config.map is None else load_scene(config.map).scene
+    names = [mark.name for quad in mapped.quads for mark in quad.marks]
     times_s = ride.trajectory.frame_times_s(ride.frames_per_second)
-    return Flight(config, setup, ride, times_s, stretch_of(config, ride), map_of(charted), names)
+    return Flight(config, setup, ride, times_s, stretch_of(config, ride), map_of(mapped), names)
 
 
 def stretch_of(config: FlightConfig, ride: Ride) -> Stretch:
@@ -130,84 +118,23 @@ def map_of(scene: Scene) -> FloorMap | None:
     return FloorMap(np.array([pose[:3, 3] for pose in poses]), sides.pop())
 
 
-def shoot(flight: Flight, index: int) -> Shot:
+def render_view(flight: Flight, index: int) -> FloorView:
     """Render, detect, identify and score one frame; it depends on nothing but the configuration and the index."""
     start = perf_counter()
-    frame = photograph(flight, index)
-    return judge(frame, flight.stretch, flight.config.rule, index, perf_counter() - start)
+    frame = render_frame(flight, index)
+    return score_flight_view(index, frame, perf_counter() - start, flight.stretch, flight.config.rule)
 
 
-def judge(frame: Frame, stretch: Stretch, rule: Rule, index: int, render_s: float) -> Shot:
-    """Detect, identify and score the markers of a frame that took so long to render."""
-    start = perf_counter()
-    gray = as_gray(frame.image)
-    strongest = None if rule == "paper" else identification.STRONGEST
-    features = identification.stretched_features(gray, stretch, strongest=strongest)
-    detected = perf_counter()
-    found = identification.examine(gray, features, "dark", rule, stretch)
-    identified = perf_counter()
-    score = score_frame(frame.truth, found.detections, found.features)
-    seconds = {
-        "render": render_s,
-        "detect": detected - start,
-        "identify": identified - detected,
-        "score": perf_counter() - identified,
-    }
-    record = {
-        "frame": index,
-        "time_on_path_s": frame.time_s,
-        "renderer": [frame.renderer, frame.gl_renderer],
-        "world_from_camera": frame.world_from_camera.tolist(),
-        "features": len(found.features),
-        "score": score.summary(),
-        "time_s": seconds,
-        "truth": [_truth_record(truth) for truth in frame.truth if truth.visible_fraction > 0],
-        "detections": [_detection_record(d, found, score) for d in found.detections],
-    }
-    return Shot(frame, found, score, record)
+def score_flight_view(index: int, frame: Frame, render_s: float, stretch: Stretch, rule: Rule) -> FloorView:
+    """Score a frame that took so long to render, from its strongest features unless the paper's rule wants all."""
+    return score_view(index, frame, render_s, stretch, rule, None if rule == "paper" else STRONGEST)
 
 
-def photograph(flight: Flight, index: int) -> Frame:
+def render_frame(flight: Flight, index: int) -> Frame:
     """Return one frame after the sensor; its truth is that of mid-exposure."""
     time_s, scene = float(flight.times_s[index]), flight.setup.scene
-    renderer = quicker(flight.config.renderer, scene)
+    renderer = faster_renderer(flight.config.renderer, scene)
     config, ride = flight.config, flight.ride
     frame = render(scene, ride.camera, ride.trajectory, renderer, time_s, config.samples, (config.seed, index))
     noise = np.random.default_rng((flight.config.seed, index))
-    return replace(frame, image=take(frame.linear, flight.ride.sensor_at(time_s), noise))
-
-
-def quicker(renderer: Renderer, scene: Scene) -> Renderer:
-    """Return the exact renderer for "auto" where there is no furniture: it is faster there than OpenGL on a CPU."""
-    return "exact" if renderer == "auto" and not scene.meshes else renderer
-
-
-def _truth_record(truth: MarkerTruth) -> dict[str, Any]:
-    record = asdict(truth)
-    del record["kind"]
-    return {name: _plain(value) for name, value in record.items()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    return value.tolist() if isinstance(value, np.ndarray) else value
-
-
-def _detection_record(detection: Detection, found: Identification, score: Score) -> dict[str, Any]:
-    """Return a detection with the feature that it comes from, and the name of the marker that it truly is."""
-    row = detection.rank - 1
-    names = {index: name for name, index in score.matches.items()}
-    return {
-        "xy": detection.xy.tolist(),
-        "side_px": detection.size,
-        "affinity": None if detection.affinity is None else detection.affinity.tolist(),
-        "explained": detection.explained,
-        "response": detection.response,
-        "signature_distance": detection.signature_distance,
-        "rank": detection.rank,
-        "feature_xy": found.features.xy[row].tolist(),
-        "scale_px": float(found.features.scale[row]),
-        "rounded_scale_px": float(found.features.size[row]),
-        "truth": names.get(detection.id),
-    }
+    return replace(frame, image=capture_image(frame.linear, flight.ride.sensor_at(time_s), noise))

@@ -1,151 +1,158 @@
-"""The report of a flight: its figures, their course over time, and the way seen from above."""
+"""The report of a flight: its figures, curves over time, and the trajectory from above."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
 
-from peakmark.experiments.floor.flight import Flight
-from peakmark.experiments.floor.flight_course import Step, ways
+from peakmark.experiments.floor.flight_figures import MotionFigures, PoseFigures, RecallRow
+from peakmark.experiments.floor.flight_summary import FlightResult
+from peakmark.experiments.floor.flight_tracking import DISTANCES, Flown, FlownFrame
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
-from peakmark.score.plain_statistics import quantile_rows, rate_row
+from peakmark.report.views import curve_section
+from peakmark.score.poses import TrajectoryErrors
+from peakmark.score.statistics import Quantiles
 
-COURSES = (
-    ("features", "", ("features",)),
-    ("markers in view", "", ("markers_in_view",)),
-    ("markers found", "", ("markers_found",)),
-    ("false detections", "", ("false_detections",)),
-    ("response drop", "ratio", ("response_drop",)),
-    ("localisation rms", "px", ("localisation_px", "rms")),
-    ("position error with the map", "mm", ("pose", "error_mm")),
-    ("rotation error with the map", "°", ("pose", "error_deg")),
-    ("position error without a map", "mm", ("motion", "error_mm")),
-    ("render, with the sensor", "s", ("time_s", "render")),
-    ("detect", "s", ("time_s", "detect")),
-    ("identify", "s", ("time_s", "identify")),
+Row = tuple[Any, ...]
+"""Of a table: name, value, ends of the interval, cases."""
+
+HEAD = ("figure", "value", "low", "high", "of")
+INTERVALS = "95 % intervals: Wilson for rates, bootstrap for quantiles."
+
+_FILES = ("flight.mp4", "frames.csv", "detections.parquet", "truth.tum", "map.tum", "motion.tum", "result.json")
+
+
+def _of_pair(error: tuple[float, float] | None, index: int) -> float | None:
+    return None if error is None else error[index]
+
+
+CURVES: tuple[tuple[str, str, Callable[[FlownFrame], float | None]], ...] = (
+    ("features", "", lambda frame: frame.record.features),
+    ("markers in view", "", lambda frame: frame.record.score.markers_in_view),
+    ("markers found", "", lambda frame: frame.record.score.markers_found),
+    ("false detections", "", lambda frame: frame.record.score.false_detections),
+    ("response drop", "ratio", lambda frame: frame.record.score.response_drop),
+    ("localisation rms", "px", lambda frame: frame.record.score.localisation_px.rms),
+    ("position error with the map", "mm", lambda frame: _of_pair(frame.map_error, 0)),
+    ("rotation error with the map", "°", lambda frame: _of_pair(frame.map_error, 1)),
+    ("position error without a map", "mm", lambda frame: _of_pair(frame.motion_error, 0)),
+    ("render, with the sensor", "s", lambda frame: frame.record.time_s["render"]),
+    ("detect", "s", lambda frame: frame.record.time_s["detect"]),
+    ("identify", "s", lambda frame: frame.record.time_s["identify"]),
 )
-"""Title, unit and place in a row of frames.csv of each curve."""
+"""Title, unit and value of each curve over time."""
 
 
-def write(
-    path: Path,
-    flight: Flight,
-    records: Sequence[dict[str, Any]],
-    course: Sequence[Step],
-    rows: Sequence[dict[str, Any]],
-    result: dict[str, Any],
-) -> None:
-    """Write report.html."""
-    config = flight.config
+def write_flight_report(path: Path, flown: Flown, result: FlightResult) -> None:
+    """Write report.html; links lead to the files that lie beside it."""
+    config = result.config
     lead = (
-        f"{len(records)} frames of “{config.trajectory}”, floor {config.texture or 'default'}, seed {config.seed}, "
-        f"rule {config.rule}, renderer {result['renderer']}. "
-        f"{error_budget(result['renderer'])}. {' '.join(result['remarks'])}"
+        f"{len(flown.frames)} frames of “{config.trajectory}”, floor {config.texture or 'default'}, "
+        f"seed {config.seed}, rule {config.rule}, renderer {result.renderer}. "
+        f"{error_budget(result.renderer)}. {' '.join(result.remarks)}"
     )
-    sections = [
-        Section(
-            "Figures",
-            "95 % intervals: Wilson for rates, bootstrap for quantiles.",
-            Table(("figure", "value", "low", "high", "of"), result_rows(result)),
-        )
-    ]
-    if flight.floor_map is not None:
+    sections = [Section("Figures", INTERVALS, Table(HEAD, result_rows(result)))]
+    if flown.floor_map is not None:
         figure, ax = plots.new_figure(7, 7)
-        draw_top_view(ax, flight, records, course)
+        draw_top_view(ax, flown)
         sections.append(Section("Seen from above", image=svg_uri(figure)))
-    sections += [_breakdown(quantity, rows_of) for quantity, rows_of in result["recall_by"].items()]
-    sections += [_course(title, unit, place, rows) for title, unit, place in COURSES]
-    files = ("flight.mp4", "frames.csv", "detections.parquet", "truth.tum", "map.tum", "motion.tum", "result.json")
-    sections.append(
-        Section("Files", links=[name for name in files if (path.parent / name).exists() or name == "result.json"])
-    )
+    sections += [_breakdown(quantity, rows) for quantity, rows in result.recall_by.items()]
+    times_s = [record.time_on_path_s for record in flown.records]
+    sections += [
+        curve_section(title, unit, times_s, [value(frame) for frame in flown.frames]) for title, unit, value in CURVES
+    ]
+    links = [name for name in _FILES if (path.parent / name).exists() or name == "result.json"]
+    sections.append(Section("Files", links=links))
     write_report(path, "Fly-through: markers found and scored", lead, sections)
 
 
-def draw_top_view(ax: Any, flight: Flight, records: Sequence[dict[str, Any]], course: Sequence[Step]) -> None:
-    """Draw markers, the camera's true way, and the ways found with and without the map, in metres."""
-    assert flight.floor_map is not None
-    titles = {"truth": "truth", "map": "with the map", "motion": "without a map"}
-    places = {
-        titles[name]: np.array([[np.nan] * 2 if pose is None else pose[:2, 3] for pose in poses])
-        for name, poses in ways(records, course).items()
-    }
-    plots.top_view(ax, flight.floor_map.centers_m[:, :2], places)
-
-
-def result_rows(result: dict[str, Any]) -> list[tuple[Any, ...]]:
-    """Return the headline figures: name, value, interval and number of cases."""
-    found = result["detection"]
-    rows = [
-        rate_row("recall, markers ≥ 20 px after stretching", found["recall"]),
-        rate_row("precision", found["precision"]),
-        ("false detections a megapixel", found["false_per_megapixel"], None, None, found["frames"]),
-        rate_row("frames whose markers are uniquely detectable", found["uniquely_detectable"]),
-        rate_row("frames without markers that stay silent", found["silent_without_markers"]),
-        *quantile_rows("response drop", found["response_drop"]),
-        *quantile_rows("localisation (px)", found["localisation_px"]),
+def draw_top_view(
+    ax: Any,
+    flown: Flown,
+    titles: Sequence[str] = ("truth", "with the map", "without a map"),
+    **others_m: NDArray[np.float64],
+) -> None:
+    """Draw the markers, other (k, 2) lines, and the camera's trajectories: true, found with and without the map."""
+    assert flown.floor_map is not None
+    lines_m = [
+        np.array([[np.nan] * 2 if pose is None else pose[:2, 3] for pose in poses])
+        for poses in flown.trajectories.values()
     ]
-    for name, title in (("rounded", "rounded scale"), ("scale", "scale"), ("refined", "refined shape")):
-        if "distance" in result:
-            rows += quantile_rows(f"distance from {title}, relative error", result["distance"][name])
-    if "pose" in result:
-        rows += [
-            rate_row("frames located in the map, each by itself", result["pose"]["located_alone"]),
-            rate_row("frames located in the map, with tracking", result["pose"]["located"]),
-            ("wrong poses accepted", result["pose"]["wrong"], None, None, result["pose"]["located"]["of"]),
-            *quantile_rows("position with the map (mm)", result["pose"]["position_mm"]),
-            *quantile_rows("rotation with the map (°)", result["pose"]["rotation_deg"]),
-        ]
-    rows += [row for way in ("map", "motion") for row in _trajectory(way, result.get("motion", {}).get(way))]
-    if "motion" in result:
-        rows += [
-            (name.replace("_", " "), result["motion"][name], None, None, None)
-            for name in ("motion_lost_frames", "track_changes", "track_swaps")
-        ]
+    plots.top_view(ax, flown.floor_map.centers_m[:, :2], others_m | dict(zip(titles, lines_m, strict=True)))
+
+
+def result_rows(result: FlightResult) -> list[Row]:
+    """Return the headline figures."""
+    found = result.detection
+    rows = [
+        found.recall.row("recall, markers ≥ 20 px after stretching"),
+        found.precision.row("precision"),
+        ("false detections a megapixel", found.false_per_megapixel, None, None, found.frames),
+        found.uniquely_detectable.row("frames whose markers are uniquely detectable"),
+        found.silent_without_markers.row("frames without markers and without a detection"),
+        *found.response_drop.rows("response drop"),
+        *found.localisation_px.rows("localisation (px)"),
+    ]
+    rows += distance_rows(result.distance) if result.distance else []
+    rows += pose_rows(result.pose) if result.pose else []
+    rows += _motion_rows(result.motion) if result.motion else []
     stages = ("render", "detect", "identify", "score")
-    rows += [(f"{stage} (s, median)", result["time_s"][stage], None, None, None) for stage in stages]
-    return [*rows, ("frames a second", result["time_s"]["frames_per_second"], None, None, None)]
+    rows += [(f"{stage} (s, median)", result.time_s[stage], None, None, None) for stage in stages]
+    return [*rows, ("frames a second", result.time_s["frames_per_second"], None, None, None)]
 
 
-def _trajectory(way: str, errors: dict[str, float] | None) -> list[tuple[Any, ...]]:
-    title = "with the map" if way == "map" else "without a map"
-    names = {
-        "ate_rmse_mm": "ATE rmse (mm)",
-        "rpe_rmse_mm": "RPE rmse (mm a frame)",
-        "rpe_rmse_deg": "RPE rmse (° a frame)",
+def distance_rows(distance: dict[str, Quantiles]) -> list[Row]:
+    """Return the rows of the distances' relative errors."""
+    titles = dict(zip(DISTANCES, ("rounded scale", "scale", "refined shape"), strict=True))
+    return [
+        row for name, title in titles.items() for row in distance[name].rows(f"distance from {title}, relative error")
+    ]
+
+
+def pose_rows(pose: PoseFigures) -> list[Row]:
+    """Return the rows of what the map gave."""
+    return [
+        pose.located_alone.row("frames located in the map, each by itself"),
+        pose.located.row("frames located in the map, with tracking"),
+        ("wrong poses accepted", pose.wrong, None, None, pose.located.of),
+        *pose.position_mm.rows("position with the map (mm)"),
+        *pose.rotation_deg.rows("rotation with the map (°)"),
+    ]
+
+
+def _motion_rows(motion: MotionFigures) -> list[Row]:
+    counts = {
+        "motion lost frames": motion.motion_lost_frames,
+        "track changes": motion.track_changes,
+        "track swaps": motion.track_swaps,
     }
-    return [(f"{text} {title}", errors[name], None, None, None) for name, text in names.items()] if errors else []
+    return [
+        *_trajectory_rows("with the map", motion.map),
+        *_trajectory_rows("without a map", motion.motion),
+        *((name, count, None, None, None) for name, count in counts.items()),
+    ]
 
 
-def _breakdown(quantity: str, rows: Sequence[dict[str, Any]]) -> Section:
+def _trajectory_rows(title: str, errors: TrajectoryErrors | None) -> list[Row]:
+    if errors is None:
+        return []
+    return [
+        (f"ATE rmse (mm) {title}", errors.ate_rmse_mm, None, None, None),
+        (f"RPE rmse (mm a frame) {title}", errors.rpe_rmse_mm, None, None, None),
+        (f"RPE rmse (° a frame) {title}", errors.rpe_rmse_deg, None, None, None),
+    ]
+
+
+def _breakdown(quantity: str, rows: Sequence[RecallRow]) -> Section:
     name, unit = quantity.rsplit("_", 1)
     unit = "°" if unit == "deg" else unit
     table = [
-        (
-            f"{row['low']}…{row['high']}",
-            row["recall"]["of"],
-            row["recall"]["value"],
-            row["recall"]["low"],
-            row["recall"]["high"],
-            row["error_px"],
-        )
+        (f"{row.low}…{row.high}", row.recall.of, row.recall.value, row.recall.low, row.recall.high, row.error_px)
         for row in rows
     ]
     head = (f"{name} ({unit})", "markers", "recall", "low", "high", "localisation p50 (px)")
     return Section(f"Recall by {name}, markers fully in view", table=Table(head, table))
-
-
-def _course(title: str, unit: str, place: tuple[str, ...], rows: Sequence[dict[str, Any]]) -> Section:
-    def value(row: Any) -> float:
-        for name in place:
-            row = row[name]
-        return np.nan if row is None else float(row)
-
-    figure, ax = plots.new_figure(8, 2.6)
-    plots.course(
-        ax, np.array([row["time_on_path_s"] for row in rows]), np.array([value(row) for row in rows]), title, unit
-    )
-    return Section(f"Course: {title}", image=svg_uri(figure))

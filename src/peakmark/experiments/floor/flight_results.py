@@ -1,200 +1,183 @@
 """Flies a flight and writes what it found: records, tables, poses, film, report.html and result.json."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Sequence
+from functools import partial
+from hashlib import sha256
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 import numpy as np
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import save_trajectory
+from peaksim.whole_file import whole_file
+from PIL import Image
 
-from peakmark.experiments.floor import flight_files, flight_report
-from peakmark.experiments.floor.flight import Flight, FlightConfig, open_flight, shoot
-from peakmark.experiments.floor.flight_course import Step, distances, sight, steps, true_pose, ways
-from peakmark.experiments.floor.flight_figures import BINS, figures, has_evo, recall_by
-from peakmark.localise.locate import FEWEST
+from peakmark.experiments.floor import flight_report
+from peakmark.experiments.floor.flight import Flight, FlightConfig, open_flight, render_view
+from peakmark.experiments.floor.flight_records import FrameRecord, columns, record_of
+from peakmark.experiments.floor.flight_summary import FlightResult, summarise
+from peakmark.experiments.floor.flight_tracking import Flown, FlownFrame, distances, track_frames, true_distances
+from peakmark.experiments.journal import Journal, journal_key
+from peakmark.experiments.run import OnStep, run_items
+from peakmark.plain import from_plain, to_plain
 from peakmark.report import plots
 from peakmark.report.film import WIDTH_PX, film
 from peakmark.report.overlay import draw_overlay
-from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
-from peakmark.score.poses import is_wrong, pose_error
+from peakmark.report.results import result_folder, write_json, write_rows
+
+_QUALITY = 85
+"""Of the JPEG images that become the film: their loss is small beside the film's own."""
 
 
-def run(
-    config: FlightConfig, out: str | Path, is_resumed: bool = False, on_step: Callable[[int], None] = lambda total: None
-) -> dict[str, Any]:
+def run_flight(
+    config: FlightConfig, out: str | Path, is_resumed: bool = False, on_step: OnStep = lambda done, of: None
+) -> FlightResult:
     """Fly, write everything into `out`, and return what `result.json` holds.
 
-    `on_step` is called with the number of frames when the flight is loaded and after each frame. An interrupted flight
-    leaves its finished frames in `out/frames`; with `is_resumed` they are kept and the others done.
+    `on_step` is called with the numbers of finished and of all frames, when the flight is loaded and after each frame.
+    An interrupted flight leaves a journal of its finished frames in `out`; with `is_resumed` only the others are done.
 
     Raises
     ------
     InputError
         For a faulty configuration, scene, trajectory or folder, and where `out` holds frames of another flight.
     """
-    flight = open_flight(config)
-    count = len(flight.times_s)
-    store = flight_files.open_store(out, flight, is_resumed)
-    on_step(count)
-    for index in range(count):
-        if not flight_files.is_done(store, index):
-            shot = shoot(flight, index)
-            picture = draw_overlay(shot.frame.image, shot.frame.truth, shot.found.detections, shot.score)
-            flight_files.save_frame(store, shot.record, picture)
-        on_step(count)
-    records = [flight_files.load_record(store, index) for index in range(count)]
-    course = steps(records, flight.ride.camera, flight.floor_map)
-    result = _result(flight, records, course)
-    with result_folder(out) as folder:
-        _write(folder, flight, store, records, course, result)
-    rmtree(store)
+    _, result, journal = fly_and_keep(config, out, is_resumed, on_step)
+    journal.remove()
     return result
 
 
-def _result(flight: Flight, records: Sequence[dict[str, Any]], course: Sequence[Step]) -> dict[str, Any]:
-    renderer, gl_renderer = records[0]["renderer"]
+def fly_and_keep(
+    config: FlightConfig, out: str | Path, is_resumed: bool = False, on_step: OnStep = lambda done, of: None
+) -> tuple[Flown, FlightResult, Journal]:
+    """Do as `run_flight`, but keep the journal, so that a flight that is finished need not be flown again."""
+    flight = open_flight(config)
+    journal = Journal.open(out, _identity(flight), is_resumed)
+    names = [f"{index:06d}" for index in range(len(flight.times_s))]
+    plain = run_items(journal, names, partial(_fly_frame, flight, journal), on_step=on_step)
+    records = [from_plain(FrameRecord, record) for record in plain]
+    camera, floor_map = flight.ride.camera, flight.floor_map
+    frames = track_frames(records, camera, floor_map)
+    flown = Flown(Path(out).name, camera, flight.stretch, flight.times_s, floor_map, frames)
+    result = summarise(flown, flight)
+    if _WRITTEN not in journal.records:
+        with result_folder(out) as folder:
+            _write(folder, flight, flown, result, [journal.file(f"{name}.jpg") for name in names])
+        journal.add(_WRITTEN, True)
+        journal.remove_files()
+    return flown, result, journal
+
+
+_WRITTEN = "results"
+"""Name in the journal that says that the results are there."""
+
+
+def _identity(flight: Flight) -> dict[str, Any]:
+    poses = np.ascontiguousarray(flight.ride.trajectory.world_from_camera)
     return {
-        **figures(records, course, flight.times_s, flight.ride.camera, flight.stretch, flight.floor_map),
-        "recall_by": {quantity: recall_by(records, quantity) for quantity in BINS},
-        "pixels": flight.ride.camera.width * flight.ride.camera.height,
-        "remarks": [*remarks(flight), *surprises(records, course)],
-        "renderer": renderer,
-        "gl_renderer": gl_renderer,
-        "config": asdict(flight.config),
-        "peak_memory_mb": peak_memory_mb(),
+        **journal_key(flight.config),
+        "camera": journal_key(flight.ride.camera),
+        "poses_sha256": sha256(poses.tobytes()).hexdigest(),
     }
 
 
-def remarks(flight: Flight) -> list[str]:
-    """Return one line for each thing about the flight that makes figures unreliable, or leaves some out."""
-    floor_map, step = flight.floor_map, flight.ride.longest_step_m()
-    if floor_map is None:
-        return ["the markers are not on one level floor: no poses, no motion"]
-    notes = [] if has_evo() else ["trajectory errors are left out: they need evo (pip install 'peakmark[evo]')"]
-    if len(floor_map.centers_m) < 2:
-        return notes
-    gaps = np.linalg.norm(floor_map.centers_m[:, None] - floor_map.centers_m[None], axis=2)
-    spacing = float(np.min(gaps + np.diag(np.full(len(gaps), np.inf))))
-    if step <= spacing / 2:
-        return notes
-    return [
-        *notes,
-        f"the camera moves up to {step:.2g} m between frames, more than half the markers' spacing of {spacing:.2g} m: "
-        "tracks and motion without a map cannot follow",
-    ]
+def _fly_frame(flight: Flight, journal: Journal, index: int) -> Any:
+    view = render_view(flight, index)
+    image = draw_overlay(view.frame.image, view.frame.truth, view.found.detections, view.score)
+    with whole_file(journal.file(f"{index:06d}.jpg")) as path:
+        Image.fromarray(image).save(path, "JPEG", quality=_QUALITY)
+    return to_plain(record_of(view))
 
 
-def surprises(records: Sequence[dict[str, Any]], course: Sequence[Step]) -> list[str]:
-    """Return one line for each thing about what was seen that makes figures meaningless."""
-    if not any(record["truth"] for record in records):
-        return ["no marker was in view in any frame"]
-    enough = [step for record, step in zip(records, course, strict=True) if len(record["detections"]) >= FEWEST]
-    wrong = sum(is_wrong(_map_error(r, s)) for r, s in zip(records, course, strict=True))
-    if enough and (all(step.located is None for step in enough) or 2 * wrong > len(enough)):
-        return [f"the map does not fit what is seen: most of {len(enough)} frames with {FEWEST} markers say so"]
-    return []
-
-
-def _map_error(record: dict[str, Any], step: Step) -> tuple[float, float] | None:
-    return pose_error(None if step.located is None else step.located.world_from_camera, true_pose(record))
-
-
-def _write(
-    folder: Path,
-    flight: Flight,
-    store: Path,
-    records: Sequence[dict[str, Any]],
-    course: Sequence[Step],
-    result: dict[str, Any],
-) -> None:
-    rows = [frame_row(record, step) for record, step in zip(records, course, strict=True)]
-    write_rows(folder / "frames.csv", rows)
-    write_detections(folder / "detections.parquet", flight, records, course)
-    _write_poses(folder, flight, records, course)
+def _write(folder: Path, flight: Flight, flown: Flown, result: FlightResult, images: Sequence[Path]) -> None:
+    write_rows(folder / "frames.csv", [frame_row(frame) for frame in flown.frames])
+    write_detections(folder / "detections.parquet", flown, flight.marker_names)
+    _write_poses(folder, flown)
     with film(folder / "flight.mp4", flight.ride.frames_per_second, WIDTH_PX) as append:
-        for index in range(len(records)):
-            append(flight_files.load_picture(store, index))
-    if flight.floor_map is not None:
+        for path in images:
+            with Image.open(path) as image:
+                append(np.asarray(image.convert("RGB")))
+    if flown.floor_map is not None:
         figure, ax = plots.new_figure(7, 7)
-        flight_report.draw_top_view(ax, flight, records, course)
+        flight_report.draw_top_view(ax, flown)
         plots.save(figure, folder / "top_view.png")
-    flight_report.write(folder / "report.html", flight, records, course, rows, result)
+    flight_report.write_flight_report(folder / "report.html", flown, result)
     write_json(folder / "result.json", result)
 
 
-def frame_row(record: dict[str, Any], step: Step) -> dict[str, Any]:
+def frame_row(frame: FlownFrame) -> dict[str, Any]:
     """Return one frame's line of frames.csv."""
-    error, drift = _map_error(record, step), pose_error(step.moved, true_pose(record))
+    record, located = frame.record, frame.located
     return {
-        **{name: record[name] for name in ("frame", "time_on_path_s", "features")},
-        **record["score"],
-        "tracks": " ".join(map(str, step.track_ids)),
+        "frame": record.frame,
+        "time_on_path_s": record.time_on_path_s,
+        "features": record.features,
+        **to_plain(record.score),
+        "tracks": frame.track_ids,
         "pose": {
-            "found": "none" if step.located is None else "tracked" if step.is_tracked else "alone",
-            "markers": 0 if step.located is None else int((step.located.marker_of >= 0).sum()),
-            "error_mm": None if error is None else error[0],
-            "error_deg": None if error is None else error[1],
-            "is_wrong": int(is_wrong(error)),
+            "found": "none" if located is None else "tracked" if frame.is_tracked else "alone",
+            "markers": 0 if located is None else int((located.marker_of >= 0).sum()),
+            **_errors(frame.map_error),
+            "is_wrong": int(frame.is_wrong),
         },
-        "motion": {"error_mm": None if drift is None else drift[0], "error_deg": None if drift is None else drift[1]},
-        "time_s": record["time_s"],
+        "motion": _errors(frame.motion_error),
+        "time_s": record.time_s,
     }
 
 
-def write_detections(path: Path, flight: Flight, records: Sequence[dict[str, Any]], course: Sequence[Step]) -> None:
+def _errors(error: tuple[float, float] | None) -> dict[str, float | None]:
+    return dict(zip(("error_mm", "error_deg"), error or (None, None), strict=True))
+
+
+_COPIED = ("explained", "response", "signature_distance", "rank")
+_COLUMNS = (
+    *("frame", "time_s", "track", "truth", "map_marker", "x", "y", "side_px", "a11", "a12", "a21", "a22", *_COPIED),
+    *("feature_x", "feature_y", "scale_px", "rounded_scale_px"),
+    *("distance_rounded_m", "distance_scale_m", "distance_refined_m", "true_distance_m"),
+)
+"""Of detections.parquet."""
+
+
+def write_detections(path: Path, flown: Flown, marker_names: Sequence[str]) -> None:
     """Write one row a detection of all frames; the schema is the same for any flight, empty ones included."""
     import pyarrow as pa
     from pyarrow import parquet
 
-    text, number, whole = pa.string(), pa.float64(), pa.int64()
-    schema = pa.schema(
-        [("frame", whole), ("time_s", number), ("track", whole), ("truth", text), ("map_marker", text)]
-        + [(name, number) for name in ("x", "y", "side_px", "a11", "a12", "a21", "a22", "explained", "response")]
-        + [("signature_distance", number), ("rank", whole)]
-        + [(name, number) for name in ("feature_x", "feature_y", "scale_px", "rounded_scale_px")]
-        + [
-            (name, number)
-            for name in ("distance_rounded_m", "distance_scale_m", "distance_refined_m", "true_distance_m")
-        ]
-    )
-    rows = [row for record, step in zip(records, course, strict=True) for row in detection_rows(flight, record, step)]
+    kinds = {"truth": pa.string(), "map_marker": pa.string(), **dict.fromkeys(("frame", "track", "rank"), pa.int64())}
+    schema = pa.schema([(name, kinds.get(name, pa.float64())) for name in _COLUMNS])
+    heights = flown.heights_m.tolist()
+    rows = [
+        row
+        for frame, height in zip(flown.frames, heights, strict=True)
+        for row in _detection_rows(flown, frame, height, marker_names)
+    ]
     parquet.write_table(pa.Table.from_pylist(rows, schema), path)
 
 
-def detection_rows(flight: Flight, record: dict[str, Any], step: Step) -> list[dict[str, Any]]:
-    """Return one frame's rows of detections.parquet."""
-    seen = sight(record)
-    true = {truth["name"]: truth["distance_m"] for truth in record["truth"]}
-    found: dict[str, Any] = {}
-    if flight.floor_map is not None:
-        height = float(true_pose(record)[2, 3] - flight.floor_map.centers_m[0, 2])
-        found = distances(seen, record, flight.ride.camera, flight.floor_map.side_m, height)
-    on_map = np.full(len(seen.xy), -1)
-    if step.located is not None:
-        on_map[seen.refined] = step.located.marker_of
+def _detection_rows(flown: Flown, frame: FlownFrame, height_m: float, names: Sequence[str]) -> list[dict[str, Any]]:
+    record, table = frame.record, columns(frame.record)
+    found, true = distances(record, flown.camera, flown.floor_map, height_m), true_distances(record)
+    on_map = np.full(len(record.detections), -1)
+    if frame.located is not None:
+        on_map[table.refined] = frame.located.marker_of
     return [
         {
-            "frame": record["frame"],
-            "time_s": record["time_on_path_s"],
-            "track": int(step.track_ids[k]),
-            "truth": row["truth"],
-            "map_marker": None if on_map[k] < 0 else flight.marker_names[on_map[k]],
-            "x": row["xy"][0],
-            "y": row["xy"][1],
-            "side_px": row["side_px"],
-            **{f"a{i + 1}{j + 1}": _number(seen.affinity[k, i, j]) for i in (0, 1) for j in (0, 1)},
-            **{name: row[name] for name in ("explained", "response", "signature_distance", "rank")},
-            "feature_x": row["feature_xy"][0],
-            "feature_y": row["feature_xy"][1],
-            "scale_px": row["scale_px"],
-            "rounded_scale_px": row["rounded_scale_px"],
+            "frame": record.frame,
+            "time_s": record.time_on_path_s,
+            "track": int(frame.track_ids[k]),
+            "truth": row.marker,
+            "map_marker": None if on_map[k] < 0 else names[on_map[k]],
+            **dict(zip("xy", row.detection.xy, strict=True)),
+            "side_px": row.detection.size,
+            **{f"a{i + 1}{j + 1}": _number(table.affinity[k, i, j]) for i in (0, 1) for j in (0, 1)},
+            **{name: getattr(row.detection, name) for name in _COPIED},
+            **dict(zip(("feature_x", "feature_y"), row.feature_xy, strict=True)),
+            "scale_px": row.scale_px,
+            "rounded_scale_px": row.rounded_scale_px,
             **{f"distance_{name}_m": _number(values[k]) for name, values in found.items()},
-            "true_distance_m": true.get(row["truth"]),
+            "true_distance_m": _number(true[k]),
         }
-        for k, row in enumerate(record["detections"])
+        for k, row in enumerate(record.detections)
     ]
 
 
@@ -202,10 +185,10 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _write_poses(folder: Path, flight: Flight, records: Sequence[dict[str, Any]], course: Sequence[Step]) -> None:
+def _write_poses(folder: Path, flown: Flown) -> None:
     """Write truth.tum, and map.tum and motion.tum where any frame has such a pose."""
-    for name, poses in ways(records, course).items():
+    for name, poses in flown.trajectories.items():
         rows = [k for k, pose in enumerate(poses) if pose is not None]
         if rows:
-            way = Trajectory(flight.times_s[rows], np.stack([np.asarray(poses[k]) for k in rows]))
-            save_trajectory(way, folder / f"{name}.tum")
+            trajectory = Trajectory(flown.times_s[rows], np.stack([np.asarray(poses[k]) for k in rows]))
+            save_trajectory(trajectory, folder / f"{name}.tum")

@@ -1,25 +1,28 @@
-"""Many flights as one sample: the figures of `flight_results.run`, pooled over floors, ways and seeds.
+"""Many flights as one sample: the figures of a flight, pooled over floors, trajectories and seeds."""
 
-Everything is read from the files that each flight leaves, so that flights made at other times or places count as well.
-"""
-
-import csv
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.geometry.trajectory_file import load_trajectory
 
-from peakmark.errors import InputError
 from peakmark.experiments.floor.flight import FlightConfig
-from peakmark.experiments.floor.flight_figures import BINS, FARTHEST_M
-from peakmark.localise.locate import FEWEST
-from peakmark.score.plain_statistics import quantiles, rate
+from peakmark.experiments.floor.flight_figures import (
+    BINS,
+    DetectionFigures,
+    PoseFigures,
+    detection_figures,
+    distance_figures,
+    false_detections,
+    pose_figures,
+    recall_bins,
+)
+from peakmark.experiments.floor.flight_records import FrameRecord, columns
+from peakmark.experiments.floor.flight_summary import FlightResult
+from peakmark.experiments.floor.flight_tracking import Flown, distances, true_distances
+from peakmark.plain import plain_fields
+from peakmark.score.statistics import Quantiles, Rate, quantiles, rate
 
 FLIGHTS = (
     ("bumpy", "brick", 11),
@@ -37,18 +40,62 @@ FLIGHTS = (
 
 
 @dataclass(frozen=True)
-class Flown:
-    """A finished flight, as its files tell."""
+class BreakdownRow:
+    """Markers and detections in one bin of side, tilt or distance."""
 
-    name: str
-    result: dict[str, Any]
-    """result.json."""
-    frames: list[dict[str, str]]
-    """Rows of frames.csv."""
-    detections: dict[str, NDArray[Any]]
-    """Columns of detections.parquet; numbers are nan where missing."""
-    heights_m: NDArray[np.float64]
-    """(frames,) of the camera."""
+    low: float
+    """Of the bin, itself in it."""
+    high: float
+    """No longer in it."""
+    recall: Rate
+    """Of the markers that are fully in view."""
+    precision: Rate
+    """Of the detections; a false one counts by its own size, or the distance and tilt that its size stands for."""
+    stands_out: Rate
+    """True detections with a response above the strongest clutter of their frame."""
+    margin: float | None
+    """Median of their response over that of the strongest clutter."""
+
+
+@dataclass(frozen=True)
+class FlightRow:
+    """One flight's line of the table; None where a flight has no such figure."""
+
+    flight: str
+    frames: int
+    recall: Rate
+    precision: Rate
+    false: int
+    """Detections at no marker."""
+    located: float | None
+    """Share of frames located in the map."""
+    map_ate_mm: float | None
+    map_rpe_mm: float | None
+    motion_ate_mm: float | None
+    motion_rpe_mm: float | None
+    track_changes: int | None
+    track_swaps: int | None
+    frames_per_second: float
+
+
+@dataclass(frozen=True)
+class PooledFigures:
+    """The figures of all flights together."""
+
+    detection: DetectionFigures
+    breakdown: dict[str, list[BreakdownRow]]
+    """By each of `BINS`."""
+    distance: dict[str, Quantiles]
+    """Relative errors; the height of the camera is known in each frame."""
+    pose: PoseFigures
+    flights: list[FlightRow]
+    """A row each."""
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return what result.json holds."""
+        plain = plain_fields(self)
+        del plain["detection"]["localisation_px"]
+        return plain
 
 
 def flight_config(ride: str, floor: str, seed: int, frames: int | None) -> FlightConfig:
@@ -56,172 +103,73 @@ def flight_config(ride: str, floor: str, seed: int, frames: int | None) -> Fligh
     return FlightConfig(ride, texture=floor, seed=seed, frames=frames)
 
 
-def read_flight(folder: Path) -> Flown:
-    """Read the files of a flight.
-
-    Raises
-    ------
-    InputError
-        If one of them is missing or cannot be read.
-    """
-    from pyarrow import ArrowInvalid, parquet
-
-    try:
-        result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-        with (folder / "frames.csv").open(encoding="utf-8", newline="") as file:
-            frames = list(csv.DictReader(file))
-        table = parquet.read_table(folder / "detections.parquet")
-    except (OSError, json.JSONDecodeError, ArrowInvalid) as error:
-        raise InputError(f"{folder}: expected a finished flight: {error}") from error
-    columns = {name: np.array(table[name].to_pylist(), dtype=_kind(name)) for name in table.column_names}
-    heights = load_trajectory(folder / "truth.tum").world_from_camera[:, 2, 3]
-    return Flown(folder.name, result, frames, columns, heights)
-
-
-def _kind(name: str) -> Any:
-    return object if name in ("truth", "map_marker") else np.float64
-
-
-def pooled(flights: Sequence[Flown]) -> dict[str, Any]:
+def pooled(flights: Sequence[Flown], results: Sequence[FlightResult]) -> PooledFigures:
     """Return the figures of all flights together, and one row a flight."""
-    return {
-        "detection": detection(flights),
-        "breakdown": {quantity: breakdown(flights, quantity) for quantity in BINS},
-        "distance": {name: quantiles(distance_errors(flights, name)) for name in ("rounded", "scale", "refined")},
-        "pose": pose(flights),
-        "flights": [flight_row(flight) for flight in flights],
-    }
+    return PooledFigures(
+        detection=detection_figures(flights),
+        breakdown={quantity: breakdown(flights, quantity) for quantity in BINS},
+        distance=distance_figures(flights, [flight.heights_m for flight in flights]),
+        pose=pose_figures(frame for flight in flights for frame in flight.frames),
+        flights=[flight_row(flight, result) for flight, result in zip(flights, results, strict=True)],
+    )
 
 
-def detection(flights: Sequence[Flown]) -> dict[str, Any]:
-    """Return recall, precision and unique detectability; counts add up."""
-    totals = {
-        name: _added([f.result["detection"][name] for f in flights])
-        for name in ("recall", "precision", "uniquely_detectable", "silent_without_markers")
-    }
-    megapixels = 1e-6 * sum(len(f.frames) * f.result["pixels"] for f in flights)
-    false = sum(false_detections(f) for f in flights)
-    return {
-        **totals,
-        "frames": sum(len(f.frames) for f in flights),
-        "false": false,
-        "false_per_megapixel": false / megapixels,
-        "response_drop": quantiles(np.concatenate([_column(f, "response_drop") for f in flights])),
-    }
-
-
-def _added(rates: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the rate of all cases together."""
-    return rate(sum(round((r["value"] or 0) * r["of"]) for r in rates), sum(r["of"] for r in rates))
-
-
-def false_detections(flight: Flown) -> int:
-    """Return how many detections were at no marker."""
-    return sum(int(row["false_detections"]) for row in flight.frames)
-
-
-def _column(flight: Flown, name: str) -> NDArray[np.float64]:
-    return np.array([float(row[name]) if row[name] else np.nan for row in flight.frames])
-
-
-def breakdown(flights: Sequence[Flown], quantity: str) -> list[dict[str, Any]]:
-    """Return one row a bin of `BINS[quantity]`: recall, precision, and how far the markers stand out from clutter.
-
-    Recall is that of markers fully in view. A false detection counts in the bin of its own size, or of the distance
-    and tilt that its size stands for.
-    """
-    found = {(row["low"], row["high"]): [] for f in flights for row in f.result["recall_by"][quantity]}  # type: ignore[var-annotated]
+def breakdown(flights: Sequence[Flown], quantity: str) -> list[BreakdownRow]:
+    """Return one row for each bin of `BINS[quantity]` that holds markers fully in view."""
+    values, margins, is_true = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=bool)]
     for flight in flights:
-        for row in flight.result["recall_by"][quantity]:
-            found[row["low"], row["high"]].append(row["recall"])
-    values = np.concatenate([detected(f, quantity) for f in flights])
-    is_true = np.concatenate([np.array([name is not None for name in f.detections["truth"]]) for f in flights])
-    margins = np.concatenate([margins_of(f) for f in flights])
+        for record, height_m in zip(flight.records, flight.heights_m.tolist(), strict=True):
+            values.append(detected_values(flight, record, height_m, quantity))
+            margins.append(margins_of(record))
+            is_true.append(np.array([row.marker is not None for row in record.detections], dtype=bool))
+    value, margin, true = np.concatenate(values), np.concatenate(margins), np.concatenate(is_true)
     rows = []
-    for low, high in pairwise(BINS[quantity]):
-        inside = (values >= low) & (values < high)
-        if (low, high) in found:
-            margin = margins[inside & is_true]
-            rows.append(
-                {
-                    "low": low,
-                    "high": high,
-                    "recall": _added(found[low, high]),
-                    "precision": rate(int((inside & is_true).sum()), int(inside.sum())),
-                    "stands_out": rate(int((margin > 1).sum()), len(margin)),
-                    "margin": quantiles(margin)["p50"],
-                }
+    for one in recall_bins(flights, quantity):
+        inside = (value >= one.low) & (value < one.high)
+        margin_in_bin = margin[inside & true]
+        rows.append(
+            BreakdownRow(
+                low=one.low,
+                high=one.high,
+                recall=one.recall,
+                precision=rate(len(margin_in_bin), int(inside.sum())),
+                stands_out=rate(int((margin_in_bin > 1).sum()), len(margin_in_bin)),
+                margin=quantiles(margin_in_bin)[50],
             )
+        )
     return rows
 
 
-def detected(flight: Flown, quantity: str) -> NDArray[np.float64]:
+def detected_values(flight: Flown, record: FrameRecord, height_m: float, quantity: str) -> NDArray[np.float64]:
     """Return side (px), distance (m) or tilt (°) of each detection: the marker's own, or what its size stands for."""
-    table = flight.detections
     if quantity == "side_px":
-        return table["side_px"]
-    away = np.where(np.isfinite(table["true_distance_m"]), table["true_distance_m"], table["distance_scale_m"])
-    if quantity == "distance_m":
-        return np.asarray(away)
-    height = flight.heights_m[table["frame"].astype(np.intp)]
-    return np.asarray(np.degrees(np.arccos(np.clip(height / away, 0, 1))))
+        return columns(record).side_px
+    true = true_distances(record)
+    away = np.where(np.isfinite(true), true, distances(record, flight.camera, flight.floor_map, height_m)["scale"])
+    above_floor_m = record.world_from_camera[2, 3]  # the floor is the world's plane z = 0; markers lie a hair above it
+    return away if quantity == "distance_m" else np.degrees(np.arccos(np.clip(above_floor_m / away, 0, 1)))
 
 
-def margins_of(flight: Flown) -> NDArray[np.float64]:
-    """Return each detection's response over that of the strongest clutter of its frame."""
-    clutter = _column(flight, "strongest_clutter")
-    return np.asarray(flight.detections["response"] / clutter[flight.detections["frame"].astype(np.intp)])
+def margins_of(record: FrameRecord) -> NDArray[np.float64]:
+    """Return each detection's response over that of the strongest clutter; nan without clutter."""
+    return np.array([row.detection.response for row in record.detections]) / (record.score.strongest_clutter or np.nan)
 
 
-def distance_errors(flights: Sequence[Flown], kind: str) -> NDArray[np.float64]:
-    """Return the relative errors of one kind of distance, of markers up to `FARTHEST_M`."""
-    errors = []
-    for flight in flights:
-        true, told = flight.detections["true_distance_m"], flight.detections[f"distance_{kind}_m"]
-        near = true <= FARTHEST_M
-        errors.append(np.abs(told[near] / true[near] - 1))
-    return np.concatenate([np.empty(0), *errors])
-
-
-def pose(flights: Sequence[Flown]) -> dict[str, Any]:
-    """Return how often and how well the map gave the pose, on frames with at least `FEWEST` detections."""
-    position, rotation, alone, located, wrong, frames = [], [], 0, 0, 0, 0
-    for flight in flights:
-        counts = np.bincount(flight.detections["frame"].astype(np.intp), minlength=len(flight.frames))
-        for row in (r for r, count in zip(flight.frames, counts, strict=True) if count >= FEWEST):
-            frames += 1
-            alone += row["pose.found"] == "alone"
-            located += row["pose.found"] != "none"
-            wrong += int(row["pose.is_wrong"])
-            if row["pose.found"] != "none":
-                position.append(float(row["pose.error_mm"]))
-                rotation.append(float(row["pose.error_deg"]))
-    return {
-        "located_alone": rate(alone, frames),
-        "located": rate(located, frames),
-        "wrong": wrong,
-        "position_mm": quantiles(position),
-        "rotation_deg": quantiles(rotation),
-    }
-
-
-def flight_row(flight: Flown) -> dict[str, Any]:
+def flight_row(flight: Flown, result: FlightResult) -> FlightRow:
     """Return one flight's line of the table."""
-    result = flight.result
-    motion = result.get("motion", {})
-    errors = {way: motion.get(way) or {} for way in ("map", "motion")}
-    return {
-        "flight": flight.name,
-        "frames": len(flight.frames),
-        "recall": result["detection"]["recall"],
-        "precision": result["detection"]["precision"],
-        "false": false_detections(flight),
-        "located": result["pose"]["located"]["value"] if "pose" in result else None,
-        "map_ate_mm": errors["map"].get("ate_rmse_mm"),
-        "map_rpe_mm": errors["map"].get("rpe_rmse_mm"),
-        "motion_ate_mm": errors["motion"].get("ate_rmse_mm"),
-        "motion_rpe_mm": errors["motion"].get("rpe_rmse_mm"),
-        "track_changes": motion.get("track_changes"),
-        "track_swaps": motion.get("track_swaps"),
-        "frames_per_second": result["time_s"]["frames_per_second"],
-    }
+    by_map, by_motion = (result.motion.map, result.motion.motion) if result.motion else (None, None)
+    return FlightRow(
+        flight=flight.name,
+        frames=len(flight.frames),
+        recall=result.detection.recall,
+        precision=result.detection.precision,
+        false=false_detections(flight.records),
+        located=result.pose.located.value if result.pose else None,
+        map_ate_mm=by_map.ate_rmse_mm if by_map else None,
+        map_rpe_mm=by_map.rpe_rmse_mm if by_map else None,
+        motion_ate_mm=by_motion.ate_rmse_mm if by_motion else None,
+        motion_rpe_mm=by_motion.rpe_rmse_mm if by_motion else None,
+        track_changes=result.motion.track_changes if result.motion else None,
+        track_swaps=result.motion.track_swaps if result.motion else None,
+        frames_per_second=result.time_s["frames_per_second"],
+    )

@@ -1,1 +1,1 @@
-"""A robot that drives along floor markers by what its camera sees of them."""
+"""A robot that drives along floor markers by its camera alone."""

@@ -1,6 +1,6 @@
-"""A robot that drives along markers by what its camera sees (paper, Section 4.2, with the loop closed).
+"""A robot that drives along markers by its camera alone (paper, Section 4.2, with the loop closed).
 
-    path ─▶ scene ─▶ picture ─▶ markers seen ─▶ command ─▶ wheels, with noise and latency ─▶ the next picture
+    path ─▶ scene ─▶ image ─▶ markers found ─▶ command ─▶ wheels, with noise and latency ─▶ the next image
 
 The controller knows the camera's height and pitch, its own wheels' distance, and the detections: no map, no path.
 """
@@ -8,12 +8,11 @@ The controller knows the camera's height and pitch, its own wheels' distance, an
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
-from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import apply_sensor
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.rendering import Renderer, render
@@ -22,7 +21,9 @@ from peaksim.scene.ride import Mount, smooth_noise
 from peaksim.scene.schema import RoomTable, SceneTable, WaypointTable
 
 from peakmark.errors import InputError
-from peakmark.experiments.floor.flight import Shot, judge, quicker
+from peakmark.experiments.floor.flight import score_flight_view
+from peakmark.experiments.floor.flight_records import FrameRecord, record_of
+from peakmark.experiments.floor.view import FloorView, faster_renderer
 from peakmark.experiments.robot.robot import (
     NOISE_S,
     STOP,
@@ -35,22 +36,31 @@ from peakmark.experiments.robot.robot import (
     seen_from_robot,
     steer,
 )
-from peakmark.identification.stretch import floor_stretch
+from peakmark.identification.stretch import Stretch, floor_stretch
 
 BEYOND_M = 0.6
-"""How far the markers go on beyond the path's end: the camera cannot see the floor below it."""
+"""How far the markers continue beyond the path's end: the camera cannot see the floor below it."""
 
 FIRST_M = 0.3
-"""Where on the path the first marker lies; the robot starts at 0."""
+"""Where on the path the first marker lies: in view of the robot, which starts at 0."""
 
 PATIENCE = 8
-"""Frames in a row that it stands still before the drive is over."""
+"""Frames in a row that the robot stands still before the drive is over: longer than its latency."""
 
 _ROOM_M = 3.0
+"""Of floor around the markers, so that the camera's view rarely ends before it."""
+
 _STEP_M = 0.25
+"""Between the waypoints of a path."""
+
 _BEND_PER_M = 0.35
+"""Standard deviation of a path's curvature, rad/m, before it is limited; chosen by hand for paths that wind."""
+
 _MOST_BEND_PER_M = 0.7
+"""Largest curvature, a radius of 1.4 m."""
+
 _APART_M = 1.5
+"""Distance that a path keeps from its other parts: markers of one part should not be taken for those of another."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +84,15 @@ class DriveConfig:
     seed: int = 0
     """Of paths, wheels and sensor."""
     frames_per_second: float = 5.0
-    """Pictures that the robot takes."""
+    """Images that the robot takes."""
     camera: Camera = field(default_factory=lambda: Camera(640, 480, 420.0, 420.0, 319.5, 239.5))
     """The robot's."""
     mount: Mount = field(default_factory=lambda: Mount(0.7, 38.0))
     """Its height and pitch."""
     robot: Robot = field(default_factory=Robot)
+    """Wheels and latency."""
     steering: Steering = field(default_factory=Steering)
+    """How it follows the markers."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
 
@@ -102,16 +114,30 @@ class DriveConfig:
 
 
 @dataclass(frozen=True)
-class Course:
+class DrivePath:
     """One path to drive."""
 
     number: int
+    """Of the path, from 0."""
     path: FloorPath
+    """Where it leads."""
     setup: Setup
     """The floor with its markers."""
 
 
-def course(config: DriveConfig, number: int) -> Course:
+@dataclass(frozen=True)
+class DriveFrame:
+    """A frame of a drive, and what the robot did."""
+
+    record: FrameRecord
+    """What was found in the frame."""
+    state: State
+    """Where the robot was when it was taken."""
+    command: Command
+    """That the frame led to."""
+
+
+def build_path(config: DriveConfig, number: int) -> DrivePath:
     """Return one of the random paths, on the floor of the scene.
 
     Raises
@@ -124,7 +150,7 @@ def course(config: DriveConfig, number: int) -> Course:
     if len(table.marker_paths) != 1:
         raise InputError(f"{config.scene}: expected one entry in marker_paths, found {len(table.marker_paths)}")
     variants = {} if config.texture is None else {"floor": config.texture}
-    return Course(number, path, build_setup(_laid_out(table, path, config), folder, variants))
+    return DrivePath(number, path, build_setup(_laid_out(table, path, config), folder, variants))
 
 
 def winding_path(length_m: float, rng: np.random.Generator) -> FloorPath:
@@ -141,7 +167,7 @@ def winding_path(length_m: float, rng: np.random.Generator) -> FloorPath:
 
 
 def _laid_out(table: SceneTable, path: FloorPath, config: DriveConfig) -> SceneTable:
-    """Return the scene with the path's markers in the place of its own, in a room around them."""
+    """Return the scene with the path's markers instead of its own, in a room around them."""
     end = config.length_m + BEYOND_M if config.line_ends_m is None else config.line_ends_m
     arcs = np.arange(FIRST_M, end + 1e-9, config.spacing_m)
     line = path.at(arcs)
@@ -155,30 +181,22 @@ def _laid_out(table: SceneTable, path: FloorPath, config: DriveConfig) -> SceneT
 
 
 def drive(
-    config: DriveConfig, way: Course, on_frame: Callable[[Shot], None] = lambda shot: None
-) -> list[dict[str, Any]]:
-    """Drive along one path until the robot has stood still for `PATIENCE` frames, and return a record a frame.
-
-    A record is that of `flight.judge` with `state` (x, y in m, heading in rad) when the picture was taken and
-    `command` (m/s, rad/s) that it led to.
-    """
-    rng = np.random.default_rng((config.seed, way.number, 1))
-    state, bias = start(way.path, rng), rng.normal(0, config.robot.wheel_bias, 2)
-    stretch = floor_stretch(config.camera, config.mount.pitch_deg)
+    config: DriveConfig, drive_path: DrivePath, on_view: Callable[[FloorView], None] = lambda view: None
+) -> list[DriveFrame]:
+    """Drive along one path until the robot has stood still for `PATIENCE` frames, and return its frames."""
+    rng = np.random.default_rng((config.seed, drive_path.number, 1))
+    state, bias = start(drive_path.path, rng), rng.normal(0, config.robot.wheel_bias, 2)
     commands: list[Command] = []
-    records = []
+    frames = []
     for index in range(_most_frames(config)):
-        frame, render_s = _picture(config, way, state, index)
-        shot = judge(frame, stretch, "joint", index, render_s)
-        command = decide(config, shot, commands[-1] if commands else STOP)
-        commands.append(command)
-        place = {"state": [state.x_m, state.y_m, state.heading_rad], "command": [command.speed_m_s, command.turn_rad_s]}
-        records.append({**shot.record, **place})
-        on_frame(shot)
+        view = render_view(config, drive_path, state, index)
+        commands.append(decide(config, view, commands[-1] if commands else STOP))
+        frames.append(DriveFrame(record_of(view), state, commands[-1]))
+        on_view(view)
         if commands[-PATIENCE:] == [STOP] * PATIENCE:
             break
         state = moved(config, state, commands, bias, rng)
-    return records
+    return frames
 
 
 def start(path: FloorPath, rng: np.random.Generator) -> State:
@@ -187,17 +205,17 @@ def start(path: FloorPath, rng: np.random.Generator) -> State:
     return State(float(x), float(y), float(path.heading_rad(0.0)[0] + rng.normal(0, 0.05)))
 
 
-def decide(config: DriveConfig, shot: Shot, last: Command) -> Command:
-    """Return what the robot does about the markers in its picture."""
-    xy = np.array([detection.xy for detection in shot.found.detections]).reshape(-1, 2)
-    seen = seen_from_robot(config.robot, config.mount, config.camera, xy)
-    return steer(config.robot, config.steering, seen, last.speed_m_s)
+def decide(config: DriveConfig, view: FloorView, last: Command) -> Command:
+    """Return what the robot does about the markers in its image."""
+    xy = np.array([detection.xy for detection in view.found.detections]).reshape(-1, 2)
+    markers_m = seen_from_robot(config.robot, config.mount, config.camera, xy)
+    return steer(config.robot, config.steering, markers_m, last.speed_m_s)
 
 
 def moved(
     config: DriveConfig, state: State, commands: list[Command], bias: NDArray[np.float64], rng: np.random.Generator
 ) -> State:
-    """Return where the robot is at the next picture; each command takes effect `latency_s` after its picture."""
+    """Return where the robot is at the next image; each command takes effect `latency_s` after its image."""
     frame_s = 1 / config.frames_per_second
     for step in range(round(frame_s / NOISE_S)):
         late = (step * NOISE_S - config.robot.latency_s) / frame_s
@@ -206,22 +224,22 @@ def moved(
     return state
 
 
-def _picture(config: DriveConfig, way: Course, state: State, index: int) -> tuple[Frame, float]:
-    """Return the frame that the robot sees, and the seconds that it took to render."""
+def render_view(config: DriveConfig, drive_path: DrivePath, state: State, index: int) -> FloorView:
+    """Render and score what the robot's camera sees."""
     begin = perf_counter()
-    scene = way.setup.scene
+    scene, time_s = drive_path.setup.scene, index / config.frames_per_second
     pose = robot_camera_pose(config.robot, state, config.mount)
-    frame = render(
-        scene,
-        config.camera,
-        pose,
-        quicker(config.renderer, scene),
-        time_s=index / config.frames_per_second,
-        samples=config.samples,
-        seed=(config.seed, way.number, index),
+    renderer, seeds = faster_renderer(config.renderer, scene), (config.seed, drive_path.number, index)
+    frame = render(scene, config.camera, pose, renderer, time_s, config.samples, seeds)
+    frame = apply_sensor(
+        frame, drive_path.setup.sensor, np.random.default_rng((config.seed, drive_path.number, 2, index))
     )
-    frame = apply_sensor(frame, way.setup.sensor, np.random.default_rng((config.seed, way.number, 2, index)))
-    return frame, perf_counter() - begin
+    return score_flight_view(index, frame, perf_counter() - begin, stretch_of(config), "joint")
+
+
+def stretch_of(config: DriveConfig) -> Stretch:
+    """Return the vertical stretch of each row that the camera's pitch implies."""
+    return floor_stretch(config.camera, config.mount.pitch_deg)
 
 
 def _most_frames(config: DriveConfig) -> int:

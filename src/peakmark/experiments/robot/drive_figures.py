@@ -1,103 +1,137 @@
-"""What the drives come to: how far off the path, how far along it, what was lost from sight and found again."""
+"""What the drives come to: how far off the path, how far along it, which markers were lost and found again."""
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.geometry.floor_path import FloorPath
 
-from peakmark.experiments.floor.flight_course import Step, true_pose
-from peakmark.experiments.floor.flight_figures import speed_figures, wanted_markers
-from peakmark.experiments.robot.drive import DriveConfig
-from peakmark.identification.stretch import Stretch, floor_stretch
-from peakmark.score.plain_statistics import quantiles, rate
-from peakmark.score.poses import is_wrong, pose_error
+from peakmark.experiments.floor.flight_figures import outcomes, precision_of, recall_of, speed_figures
+from peakmark.experiments.floor.flight_records import FrameRecord
+from peakmark.experiments.floor.flight_tracking import Flown
+from peakmark.experiments.robot.drive import DriveFrame
+from peakmark.experiments.robot.robot import STOP
+from peakmark.score.statistics import Quantiles, Rate, quantiles, rate
+from peakmark.score.wanted import Wanted
 
 LOST_M = 0.3
-"""A robot that is farther from its path has left it."""
-
-Records = Sequence[dict[str, Any]]
+"""A robot that is farther from its path has left it: its own width."""
 
 
-def path_figures(config: DriveConfig, path: FloorPath, records: Records, course: Sequence[Step]) -> dict[str, Any]:
-    """Return the figures of one drive; lengths in metres.
+@dataclass(frozen=True)
+class PathFigures:
+    """The figures of one drive."""
 
-    `coasted_m` is how far the robot went after the last picture in which it saw a marker; `gaps` how often a marker
-    that it had seen was not detected although it was in full view and large enough, `found_again` how many of those
-    ended with a detection.
-    """
-    places = np.array([record["state"][:2] for record in records])
-    at, left = path.nearest(places)
-    on_path = (at >= 0) & (at <= path.length_m)
-    stretch = floor_stretch(config.camera, config.mount.pitch_deg)
-    gaps, found_again = gaps_of(records, stretch)
-    return {
-        "reached_m": float(at.max()),
-        "completed": bool(at.max() >= path.length_m and np.abs(left[on_path]).max() <= LOST_M),
-        "stopped": records[-1]["command"] == [0.0, 0.0],
-        "cross_track_rms_m": float(np.sqrt((left[on_path] ** 2).mean())),
-        "cross_track_max_m": float(np.abs(left[on_path]).max()),
-        "coasted_m": coasted_m(places, [len(record["detections"]) for record in records]),
-        "markers_passed": len({truth["name"] for r in records for truth in wanted_markers(r, stretch)}),
-        "markers_seen": len({row["truth"] for r in records for row in r["detections"]} - {None}),
-        "gaps": gaps,
-        "found_again": found_again,
-        "frames": len(records),
-        "position_mm": quantiles(_position_errors(records, course)),
-        "wrong_poses": sum(is_wrong(_error(record, step)) for record, step in zip(records, course, strict=True)),
-    }
-
-
-def _error(record: dict[str, Any], step: Step) -> tuple[float, float] | None:
-    return pose_error(None if step.located is None else step.located.world_from_camera, true_pose(record))
+    reached_m: float
+    """Largest arc length along the path."""
+    completed: bool
+    """Whether it came to the path's end without leaving it."""
+    stopped: bool
+    """Whether it stood still in the end."""
+    cross_track_rms_m: float
+    """Distance from the path, root mean square."""
+    cross_track_max_m: float
+    """The largest."""
+    coasted_m: float
+    """Driven after the last image with a detected marker."""
+    markers_passed: int
+    """Markers that had to be found in any frame."""
+    markers_seen: int
+    """Markers that were found in any frame."""
+    gaps: int
+    """How often a marker that had been found was not, although it was in full view and large enough."""
+    found_again: int
+    """How many of these ended with a detection."""
+    frames: int
+    position_mm: Quantiles
+    """Errors of the position with the map."""
+    wrong_poses: int
+    """Poses that were accepted and are a flip or on another part of the map."""
 
 
-def _position_errors(records: Records, course: Sequence[Step]) -> list[float]:
-    errors = [_error(record, step) for record, step in zip(records, course, strict=True)]
-    return [error[0] for error in errors if error is not None]
+@dataclass(frozen=True)
+class DriveFigures:
+    """The figures of all drives together; the fields are those of `PathFigures`."""
+
+    completed: Rate
+    stopped: Rate
+    cross_track_rms_m: float
+    """Of the paths' root mean squares, each path counting the same."""
+    cross_track_worst_rms_m: float
+    """Of the worst path."""
+    cross_track_max_m: float
+    coasted_max_m: float
+    recall: Rate
+    """Of the markers that had to be found, over all frames."""
+    precision: Rate
+    """Of the detections."""
+    gaps: int
+    found_again: int
+    wrong_poses: int
+    time_s: dict[str, float]
+    """Median seconds of each stage, and "frames_per_second"."""
 
 
-def coasted_m(places: NDArray[np.float64], seen: Sequence[int]) -> float:
-    """Return the way from the last of (n, 2) places at which anything was seen to the last of all."""
-    last = max((k for k, count in enumerate(seen) if count), default=0)
-    return float(np.linalg.norm(np.diff(places[last:], axis=0), axis=1).sum())
+def path_figures(path: FloorPath, frames: Sequence[DriveFrame], flown: Flown) -> PathFigures:
+    """Return the figures of one drive; `flown` holds the same frames, tracked."""
+    positions_m = np.array([[frame.state.x_m, frame.state.y_m] for frame in frames])
+    at, left = path.nearest(positions_m)
+    off_path = np.abs(left[(at >= 0) & (at <= path.length_m)])
+    gaps, found_again = gaps_of(flown.records, flown.wanted)
+    errors = [error[0] for frame in flown.frames if (error := frame.map_error) is not None]
+    return PathFigures(
+        reached_m=float(at.max()),
+        completed=bool(at.max() >= path.length_m and off_path.max() <= LOST_M),
+        stopped=frames[-1].command == STOP,
+        cross_track_rms_m=float(np.sqrt((off_path**2).mean())),
+        cross_track_max_m=float(off_path.max()),
+        coasted_m=coasted_m(positions_m, [len(record.detections) for record in flown.records]),
+        markers_passed=len({truth.name for truth, _ in outcomes(flown.records, flown.wanted)}),
+        markers_seen=len({name for record in flown.records for name in record.detection_of}),
+        gaps=gaps,
+        found_again=found_again,
+        frames=len(frames),
+        position_mm=quantiles(errors),
+        wrong_poses=sum(frame.is_wrong for frame in flown.frames),
+    )
 
 
-def gaps_of(records: Records, stretch: Stretch) -> tuple[int, int]:
-    """Return how often a marker that was seen before got lost in full view, and how many of these were found again."""
+def coasted_m(positions_m: NDArray[np.float64], detections: Sequence[int]) -> float:
+    """Return the length driven from the last of (n, 2) positions with any detection to the last of all."""
+    last = max((k for k, count in enumerate(detections) if count), default=0)
+    return float(np.linalg.norm(np.diff(positions_m[last:], axis=0), axis=1).sum())
+
+
+def gaps_of(records: Sequence[FrameRecord], wanted: Wanted) -> tuple[int, int]:
+    """Return how often a marker that was found before was lost in full view, and how many were found again."""
     before: set[str] = set()
     lost: set[str] = set()
     gaps = found_again = 0
     for record in records:
-        seen = {row["truth"] for row in record["detections"]} - {None}
-        asked = {truth["name"] for truth in wanted_markers(record, stretch)}
-        found_again += len(lost & seen)
-        fresh = (before & asked) - seen - lost
+        found = set(record.detection_of)
+        found_again += len(lost & found)
+        fresh = (before & {truth.name for truth in wanted.of(record.truth)}) - found - lost
         gaps += len(fresh)
-        lost = (lost | fresh) - seen
-        before |= seen
+        lost = (lost | fresh) - found
+        before |= found
     return gaps, found_again
 
 
-def overall(runs: Sequence[dict[str, Any]], records: Records, stretch: Stretch) -> dict[str, Any]:
+def overall(paths: Sequence[PathFigures], records: Sequence[FrameRecord], wanted: Wanted) -> DriveFigures:
     """Return the figures of all drives together, from those of each and the records of all."""
-    squares = np.array([run["cross_track_rms_m"] for run in runs])
-    wanted = [(truth["name"], record) for record in records for truth in wanted_markers(record, stretch)]
-    found = sum(name in {row["truth"] for row in record["detections"]} for name, record in wanted)
-    total = sum(len(record["detections"]) for record in records)
-    false = sum(record["score"]["false_detections"] for record in records)
-    return {
-        "completed": rate(sum(run["completed"] for run in runs), len(runs)),
-        "stopped": rate(sum(run["stopped"] for run in runs), len(runs)),
-        "cross_track_rms_m": float(np.sqrt((squares**2).mean())),
-        "cross_track_worst_rms_m": float(squares.max()),
-        "cross_track_max_m": max(run["cross_track_max_m"] for run in runs),
-        "coasted_max_m": max(run["coasted_m"] for run in runs),
-        "recall": rate(found, len(wanted)),
-        "precision": rate(total - false, total),
-        "gaps": sum(run["gaps"] for run in runs),
-        "found_again": sum(run["found_again"] for run in runs),
-        "wrong_poses": sum(run["wrong_poses"] for run in runs),
-        "time_s": speed_figures(list(records)),
-    }
+    rms_m = np.array([path.cross_track_rms_m for path in paths])
+    return DriveFigures(
+        completed=rate(sum(path.completed for path in paths), len(paths)),
+        stopped=rate(sum(path.stopped for path in paths), len(paths)),
+        cross_track_rms_m=float(np.sqrt((rms_m**2).mean())),
+        cross_track_worst_rms_m=float(rms_m.max()),
+        cross_track_max_m=max(path.cross_track_max_m for path in paths),
+        coasted_max_m=max(path.coasted_m for path in paths),
+        recall=recall_of(outcomes(records, wanted)),
+        precision=precision_of(records),
+        gaps=sum(path.gaps for path in paths),
+        found_again=sum(path.found_again for path in paths),
+        wrong_poses=sum(path.wrong_poses for path in paths),
+        time_s=speed_figures(records),
+    )

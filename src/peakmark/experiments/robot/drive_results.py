@@ -1,159 +1,156 @@
-"""Drives all paths and writes what came of it: paths.csv, top_view.png, drive.mp4, report.html and result.json.
+"""Drives all paths and writes what came of it: paths.csv, top_view.png, drive.mp4, report.html and result.json."""
 
-A finished path is kept in `OUT/drives` until all are done, so that an interrupted run goes on with the next one.
-"""
-
-import json
 import math
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
-from peaksim.geometry.floor_path import FloorPath
+from peaksim.whole_file import whole_file
 
-from peakmark.errors import InputError
-from peakmark.experiments.floor.flight import Shot, map_of
-from peakmark.experiments.floor.flight_course import Step, steps, ways
-from peakmark.experiments.robot.drive import Course, DriveConfig, course, drive
-from peakmark.experiments.robot.drive_figures import overall, path_figures
-from peakmark.identification.stretch import floor_stretch
+from peakmark.experiments.floor.flight import map_of
+from peakmark.experiments.floor.flight_report import HEAD, Row, draw_top_view
+from peakmark.experiments.floor.flight_tracking import Flown, track_frames
+from peakmark.experiments.floor.view import FloorView
+from peakmark.experiments.journal import Journal, journal_key
+from peakmark.experiments.robot.drive import DriveConfig, DriveFrame, DrivePath, build_path, drive, stretch_of
+from peakmark.experiments.robot.drive_figures import DriveFigures, PathFigures, overall, path_figures
+from peakmark.experiments.run import OnStep, run_items
+from peakmark.plain import from_plain, inlined, to_plain
 from peakmark.report import plots
 from peakmark.report.film import film
 from peakmark.report.overlay import draw_overlay
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 
-FOLDER = "drives"
 FILMED = 0
-"""The path whose pictures become the film."""
+"""The path whose images become the film."""
+
 _FILM_WIDTH_PX = 640
 _DRAWN = 6
-"""Paths of which the report shows the way."""
+"""Paths that the report shows from above."""
 
-Records = Sequence[dict[str, Any]]
-
-_HEAD = ("figure", "value", "low", "high", "of")
+_FILM = "drive.mp4"
+_TRAJECTORIES = ("camera, truth", "estimate with the map", "estimate without a map")
 _CAPTION = "The path, where the camera truly was, and where the markers say it was."
 
 
-def run(
-    config: DriveConfig, out: str | Path, is_resumed: bool = False, on_path: Callable[[int], None] = lambda number: None
-) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Driven:
+    """A path that was driven."""
+
+    drive_path: DrivePath
+    """The path and its scene."""
+    frames: list[DriveFrame]
+    """In order."""
+    flown: Flown
+    """The same frames, tracked and located."""
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """What result.json holds; the figures of all drives lie at its top."""
+
+    overall: DriveFigures
+    """Of all drives."""
+    paths: list[PathFigures]
+    """Of each."""
+    renderer: str
+    """"exact" or "gl"."""
+    gl_renderer: str | None
+    """What OpenGL calls itself; None for the exact renderer."""
+    config: DriveConfig
+    peak_memory_mb: float
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return what result.json holds."""
+        return inlined(self, "overall")
+
+
+def run_drives(
+    config: DriveConfig, out: str | Path, is_resumed: bool = False, on_step: OnStep = lambda done, of: None
+) -> DriveResult:
     """Drive all paths, write everything into `out`, and return what `result.json` holds.
 
-    `on_path` is called with the number of finished paths, before the first and after each.
+    `on_step` is called with the numbers of finished and of all paths, before the first and after each. An interrupted
+    run leaves a journal of its finished paths in `out`; with `is_resumed` only the others are driven.
 
     Raises
     ------
     InputError
         For a faulty configuration, scene or folder, and where `out` holds the drives of another configuration.
     """
-    ways_to_go = [course(config, number) for number in range(config.paths)]
-    store = _open_store(Path(out), config, is_resumed)
-    on_path(0)
-    for way in ways_to_go:
-        if not (store / f"{way.number:04d}.json").is_file():
-            _drive_and_keep(config, way, store)
-        on_path(way.number + 1)
-    drives = [json.loads((store / f"{way.number:04d}.json").read_text(encoding="utf-8")) for way in ways_to_go]
-    courses = [
-        steps(records, config.camera, map_of(way.setup.scene)) for way, records in zip(ways_to_go, drives, strict=True)
-    ]
-    result = _result(config, ways_to_go, drives, courses)
+    paths = [build_path(config, number) for number in range(config.paths)]
+    journal = Journal.open(out, journal_key(config), is_resumed)
+    names = [f"{path.number:04d}" for path in paths]
+    plain = run_items(journal, names, partial(_drive_path, config, paths, journal), on_step=on_step)
+    drives = [_driven(config, path, frames) for path, frames in zip(paths, plain, strict=True)]
+    result = _result(config, drives)
     with result_folder(out) as folder:
-        _write(folder, store, ways_to_go, drives, courses, result)
-    rmtree(store)
+        _write(folder, journal.file(_FILM), drives, result)
+    journal.remove()
     return result
 
 
-def _open_store(out: Path, config: DriveConfig, is_resumed: bool) -> Path:
-    """Return the folder of finished paths, emptied unless the run is resumed."""
-    store, identity = out / FOLDER, json.loads(json.dumps(asdict(config)))
-    try:
-        if not is_resumed:
-            rmtree(store, ignore_errors=True)
-        store.mkdir(parents=True, exist_ok=True)
-        file = store / "drive.json"
-        if not file.exists():
-            _write_whole(file, json.dumps(identity))
-        elif json.loads(file.read_text(encoding="utf-8")) != identity:
-            raise InputError(f"--resume: {out} holds the drives of another configuration")
-    except (OSError, json.JSONDecodeError) as error:
-        raise InputError(f"--out {out}: expected a folder that can be written and resumed: {error}") from error
-    return store
+def _drive_path(config: DriveConfig, paths: Sequence[DrivePath], journal: Journal, index: int) -> Any:
+    if index != FILMED:
+        return to_plain(drive(config, paths[index]))
+    with whole_file(journal.file(_FILM)) as path, film(path, config.frames_per_second, _FILM_WIDTH_PX) as append:
+        return to_plain(drive(config, paths[index], lambda view: append(_overlay(view))))
 
 
-def _drive_and_keep(config: DriveConfig, way: Course, store: Path) -> None:
-    if way.number == FILMED:
-        unfinished = store / "unfinished.mp4"
-        with film(unfinished, config.frames_per_second, _FILM_WIDTH_PX) as append:
-            records = drive(config, way, lambda shot: append(_overlay(shot)))
-        os.replace(unfinished, store / "drive.mp4")
-    else:
-        records = drive(config, way)
-    _write_whole(store / f"{way.number:04d}.json", json.dumps(records))
+def _overlay(view: FloorView) -> NDArray[np.uint8]:
+    return draw_overlay(view.frame.image, view.frame.truth, view.found.detections, view.score)
 
 
-def _overlay(shot: Shot) -> NDArray[np.uint8]:
-    return draw_overlay(shot.frame.image, shot.frame.truth, shot.found.detections, shot.score)
+def _driven(config: DriveConfig, drive_path: DrivePath, plain: Sequence[Any]) -> Driven:
+    frames = [from_plain(DriveFrame, frame) for frame in plain]
+    records, floor_map = [frame.record for frame in frames], map_of(drive_path.setup.scene)
+    tracked = track_frames(records, config.camera, floor_map)
+    times_s = np.array([record.time_on_path_s for record in records])
+    name = f"path {drive_path.number}"
+    return Driven(drive_path, frames, Flown(name, config.camera, stretch_of(config), times_s, floor_map, tracked))
 
 
-def _write_whole(path: Path, text: str) -> None:
-    unfinished = path.with_suffix(".unfinished")
-    unfinished.write_text(text, encoding="utf-8")
-    os.replace(unfinished, path)
+def _result(config: DriveConfig, drives: Sequence[Driven]) -> DriveResult:
+    paths = [path_figures(one.drive_path.path, one.frames, one.flown) for one in drives]
+    records = [record for one in drives for record in one.flown.records]
+    return DriveResult(
+        overall=overall(paths, records, drives[0].flown.wanted),
+        paths=paths,
+        renderer=records[0].renderer,
+        gl_renderer=records[0].gl_renderer,
+        config=config,
+        peak_memory_mb=peak_memory_mb(),
+    )
 
 
-def _result(
-    config: DriveConfig, ways_to_go: Sequence[Course], drives: Sequence[Records], courses: Sequence[Sequence[Step]]
-) -> dict[str, Any]:
-    runs = [
-        path_figures(config, way.path, records, found)
-        for way, records, found in zip(ways_to_go, drives, courses, strict=True)
-    ]
-    stretch = floor_stretch(config.camera, config.mount.pitch_deg)
-    return {
-        **overall(runs, [record for records in drives for record in records], stretch),
-        "paths": runs,
-        "renderer": drives[0][0]["renderer"][0],
-        "gl_renderer": drives[0][0]["renderer"][1],
-        "config": asdict(config),
-        "peak_memory_mb": peak_memory_mb(),
-    }
-
-
-def _write(
-    folder: Path,
-    store: Path,
-    ways_to_go: Sequence[Course],
-    drives: Sequence[Records],
-    courses: Sequence[Sequence[Step]],
-    result: dict[str, Any],
-) -> None:
-    write_rows(folder / "paths.csv", [{"path": number, **run} for number, run in enumerate(result["paths"])])
-    os.replace(store / "drive.mp4", folder / "drive.mp4")
+def _write(folder: Path, finished_film: Path, drives: Sequence[Driven], result: DriveResult) -> None:
+    write_rows(folder / "paths.csv", [{"path": number, **to_plain(path)} for number, path in enumerate(result.paths)])
+    os.replace(finished_film, folder / _FILM)
     figure, axes = _grid(min(_DRAWN, len(drives)))
-    for ax, way, records, found in zip(axes, ways_to_go, drives, courses, strict=False):
-        draw_top_view(ax, way, records, found)
+    for ax, one in zip(axes, drives, strict=False):
+        path = one.drive_path.path
+        draw_top_view(ax, one.flown, _TRAJECTORIES, path=path.at(np.linspace(0, path.length_m, 200)))
+        ax.set_title(one.flown.name)
     plots.save(figure, folder / "top_view.png")
     sections = [
-        Section("Figures", "95 % Wilson intervals.", Table(_HEAD, result_rows(result))),
+        Section("Figures", "95 % Wilson intervals.", Table(HEAD, result_rows(result))),
         Section("Seen from above", image=svg_uri(figure), caption=_CAPTION),
-        Section("Each path", table=Table(PATH_HEAD, [path_row(k, run) for k, run in enumerate(result["paths"])])),
-        Section("Cross-track error along the way", image=svg_uri(_cross_track(ways_to_go, drives))),
-        Section("Files", links=["drive.mp4", "paths.csv", "top_view.png", "result.json"]),
+        Section("Each path", table=Table(PATH_HEAD, [path_row(k, path) for k, path in enumerate(result.paths)])),
+        Section("Cross-track error along the path", image=svg_uri(_cross_track(drives))),
+        Section("Files", links=[_FILM, "paths.csv", "top_view.png", "result.json"]),
     ]
-    config = result["config"]
+    config = result.config
     lead = (
-        f"{config['paths']} random paths of {config['length_m']:g} m on “{config['scene']}”, floor "
-        f"{config['texture'] or 'default'}, seed {config['seed']}, renderer {result['renderer']}. "
-        f"{error_budget(result['renderer'])}."
+        f"{config.paths} random paths of {config.length_m:g} m on “{config.scene}”, floor "
+        f"{config.texture or 'default'}, seed {config.seed}, renderer {result.renderer}. "
+        f"{error_budget(result.renderer)}."
     )
     write_report(folder / "report.html", "A robot follows markers by sight", lead, sections)
     write_json(folder / "result.json", result)
@@ -172,27 +169,10 @@ def _grid(count: int) -> tuple[Any, Any]:
     return figure, axes
 
 
-def draw_top_view(ax: Any, way: Course, records: Records, found: Sequence[Step]) -> None:
-    """Draw markers, path, the camera's true way, and the ways found with and without a map, in metres."""
-    markers = map_of(way.setup.scene)
-    assert markers is not None
-    titles = {"truth": "camera, truth", "map": "estimate with the map", "motion": "estimate without a map"}
-    lines = {
-        titles[name]: np.array([[np.nan] * 2 if pose is None else pose[:2, 3] for pose in poses])
-        for name, poses in ways(records, found).items()
-    }
-    plots.top_view(ax, markers.centers_m[:, :2], {"path": _line(way.path), **lines})
-    ax.set_title(f"path {way.number}")
-
-
-def _line(path: FloorPath) -> NDArray[np.float64]:
-    return path.at(np.linspace(0, path.length_m, 200))
-
-
-def _cross_track(ways_to_go: Sequence[Course], drives: Sequence[Records]) -> Any:
+def _cross_track(drives: Sequence[Driven]) -> Any:
     figure, ax = plots.new_figure(8, 3.5)
-    for way, records in zip(ways_to_go, drives, strict=True):
-        at, left = way.path.nearest([record["state"][:2] for record in records])
+    for one in drives:
+        at, left = one.drive_path.path.nearest([[frame.state.x_m, frame.state.y_m] for frame in one.frames])
         ax.plot(at, 100 * left, linewidth=0.8)
     ax.set(xlabel="arc length (m)", ylabel="left of the path (cm)")
     ax.grid(alpha=0.3)
@@ -200,56 +180,35 @@ def _cross_track(ways_to_go: Sequence[Course], drives: Sequence[Records]) -> Any
 
 
 PATH_HEAD = (
-    "path",
-    "completed",
-    "reached (m)",
-    "cross-track rms (cm)",
-    "max (cm)",
-    "coasted (cm)",
-    "markers seen",
-    "lost",
-    "found again",
-    "frames",
+    *("path", "completed", "reached (m)", "cross-track rms (cm)", "max (cm)", "coasted (cm)"),
+    *("markers seen", "lost", "found again", "frames"),
 )
 
 
-def path_row(number: int, run: dict[str, Any]) -> tuple[Any, ...]:
+def path_row(number: int, path: PathFigures) -> Row:
     """Return one path's line of the table under `PATH_HEAD`."""
-    return (
-        number,
-        "yes" if run["completed"] else "no",
-        run["reached_m"],
-        100 * run["cross_track_rms_m"],
-        100 * run["cross_track_max_m"],
-        100 * run["coasted_m"],
-        run["markers_seen"],
-        run["gaps"],
-        run["found_again"],
-        run["frames"],
-    )
+    off_path_cm = (100 * path.cross_track_rms_m, 100 * path.cross_track_max_m, 100 * path.coasted_m)
+    counts = (path.markers_seen, path.gaps, path.found_again, path.frames)
+    return (number, "yes" if path.completed else "no", path.reached_m, *off_path_cm, *counts)
 
 
-def result_rows(result: dict[str, Any]) -> list[tuple[Any, ...]]:
+def result_rows(result: DriveResult) -> list[Row]:
     """Return the headline figures: name, value, interval and number of cases."""
-
-    def share(name: str, figure: dict[str, Any]) -> tuple[Any, ...]:
-        return name, figure["value"], figure["low"], figure["high"], figure["of"]
-
-    count = len(result["paths"])
+    figures, count = result.overall, len(result.paths)
     plain = {
-        "cross-track error, rms (cm)": 100 * result["cross_track_rms_m"],
-        "cross-track error, rms of the worst path (cm)": 100 * result["cross_track_worst_rms_m"],
-        "cross-track error, largest (cm)": 100 * result["cross_track_max_m"],
-        "farthest driven after the last sight of a marker (cm)": 100 * result["coasted_max_m"],
-        "markers lost in full view": result["gaps"],
-        "of these found again": result["found_again"],
-        "wrong poses accepted": result["wrong_poses"],
-        "frames a second": result["time_s"]["frames_per_second"],
+        "cross-track error, rms (cm)": 100 * figures.cross_track_rms_m,
+        "cross-track error, rms of the worst path (cm)": 100 * figures.cross_track_worst_rms_m,
+        "cross-track error, largest (cm)": 100 * figures.cross_track_max_m,
+        "farthest driven after the last detection (cm)": 100 * figures.coasted_max_m,
+        "markers lost in full view": figures.gaps,
+        "of these found again": figures.found_again,
+        "wrong poses accepted": figures.wrong_poses,
+        "frames a second": figures.time_s["frames_per_second"],
     }
     return [
-        share("paths completed", result["completed"]),
-        share("drives that ended at rest", result["stopped"]),
-        share("recall, markers ≥ 20 px after stretching", result["recall"]),
-        share("precision", result["precision"]),
+        figures.completed.row("paths completed"),
+        figures.stopped.row("drives that ended at rest"),
+        figures.recall.row("recall, markers ≥ 20 px after stretching"),
+        figures.precision.row("precision"),
         *((name, value, None, None, count) for name, value in plain.items()),
     ]

@@ -1,4 +1,4 @@
-"""A robot that follows floor markers by what its detector sees: differential drive, and a controller without a map.
+"""A robot that follows floor markers by what its detector finds: differential drive, and a controller without a map.
 
 Robot frame: x ahead, y to the left, origin on the floor between the wheels; angles counter-clockwise.
 """
@@ -16,9 +16,11 @@ from peakmark.localise.distance import unit_rays
 from peakmark.localise.floor import Floor, on_floor
 
 _LONGEST_GAP_M = 0.9
-"""Distance from one marker to the next beyond which it belongs to something else."""
+"""Distance from one marker to the next beyond which it belongs to something else: three times the usual spacing."""
 
-_SHARPEST_TURN = np.radians(50.0)
+_SHARPEST_BEND_DEG = 50.0
+"""Change of direction from one marker to the next beyond which it belongs to something else: far more than the 12° of
+the sharpest path at the usual spacing, with room for errors of position."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Robot:
     wheel_bias: float = 0.02
     """Relative deviation of each wheel's size, constant over a drive."""
     latency_s: float = 0.15
-    """Time from the picture to the wheels."""
+    """Time from the image to the wheels."""
 
     def __post_init__(self) -> None:
         for name in ("track_width_m", "camera_ahead_m", "wheel_noise", "wheel_bias", "latency_s"):
@@ -44,7 +46,7 @@ class Robot:
 
 
 NOISE_S = 0.02
-"""Step in which the wheels are simulated."""
+"""Step in which the wheels are simulated; divides the latency and the frame times in use."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class State:
 
 @dataclass(frozen=True)
 class Command:
-    """What the wheels are asked for."""
+    """What the wheels should do."""
 
     speed_m_s: float = 0.0
     turn_rad_s: float = 0.0
@@ -93,10 +95,12 @@ def wheel_speeds(robot: Robot, command: Command) -> NDArray[np.float64]:
 def advanced(robot: Robot, state: State, wheels_m_s: ArrayLike, time_s: float) -> State:
     """Return where the wheels take the robot: along an exact arc."""
     left, right = np.asarray(wheels_m_s, dtype=np.float64)
-    way, turn = (left + right) / 2 * time_s, (right - left) / robot.track_width_m * time_s
-    chord = way * np.sinc(turn / (2 * np.pi))
-    middle = state.heading_rad + turn / 2
-    return State(state.x_m + chord * np.cos(middle), state.y_m + chord * np.sin(middle), state.heading_rad + turn)
+    arc_m, angle_rad = (left + right) / 2 * time_s, (right - left) / robot.track_width_m * time_s
+    chord_m = arc_m * np.sinc(angle_rad / (2 * np.pi))
+    middle = state.heading_rad + angle_rad / 2
+    return State(
+        state.x_m + chord_m * np.cos(middle), state.y_m + chord_m * np.sin(middle), state.heading_rad + angle_rad
+    )
 
 
 def driven(
@@ -107,7 +111,7 @@ def driven(
     Parameters
     ----------
     robot, state, command
-        The robot, where it is, and what it is asked to do.
+        The robot, where it is, and what it should do.
     time_s
         For how long; rounded to multiples of `NOISE_S`.
     bias
@@ -166,14 +170,14 @@ def steer(robot: Robot, steering: Steering, markers_m: NDArray[np.float64], spee
 
 
 def next_markers(markers_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (k, 2) markers ahead, nearest first: each the nearest that goes on in about the same direction."""
+    """Return the (k, 2) markers ahead, nearest first: each the nearest in about the same direction."""
     left = markers_m[markers_m[:, 0] > 0]
     chain: list[NDArray[np.float64]] = []
     here, direction = np.zeros(2), np.array([1.0, 0.0])
     while len(left):
         steps = left - here
         gaps = np.linalg.norm(steps, axis=1)
-        fits = steps @ direction >= gaps * np.cos(_SHARPEST_TURN)
+        fits = steps @ direction >= gaps * np.cos(np.radians(_SHARPEST_BEND_DEG))
         if chain:
             fits &= gaps <= _LONGEST_GAP_M
         if not fits.any():

@@ -8,7 +8,15 @@ from peaksim.geometry.pose import invert, transform
 from peaksim.scene.file import load_scene
 
 from peakmark.errors import InputError
-from peakmark.experiments.cave.dense_wall import APART_DEG, DISTANCE_M, measure, on_plane, patch_of, repeats, two_views
+from peakmark.experiments.cave.dense_wall import (
+    APART_DEG,
+    DISTANCE_M,
+    count_features,
+    on_plane,
+    patch_of,
+    repeats,
+    two_views,
+)
 from tests.samples import some_keypoints
 
 CAVE = load_scene("cave")
@@ -40,8 +48,8 @@ def test_points_on_the_wall_project_back_to_their_pixels() -> None:
 def test_what_is_seen_again_repeats_and_what_is_moved_or_scaled_does_not() -> None:
     patch = patch_of(CAVE.scene, "dark")
     poses = two_views(patch)
-    places = np.stack(np.meshgrid([100, 140, 180, 220], [90, 150]), -1).reshape(-1, 2).astype(np.float32)
-    first = some_keypoints(8).with_columns(xy=places)
+    positions = np.stack(np.meshgrid([100, 140, 180, 220], [90, 150]), -1).reshape(-1, 2).astype(np.float32)
+    first = some_keypoints(8).with_columns(xy=positions)
     there = SMALL.project(transform(invert(poses[1]), on_plane(SMALL, poses[0], patch, first.xy))).astype(np.float32)
     second = first.with_columns(xy=there)
     assert repeats(SMALL, poses, patch, (first, second)) == (8, 8)
@@ -52,9 +60,9 @@ def test_what_is_seen_again_repeats_and_what_is_moved_or_scaled_does_not() -> No
 
 def test_posters_multiply_the_features() -> None:
     setup = replace(CAVE, camera=replace(CAVE.camera, width=568, height=426, fx=553.75, fy=553.75, cx=283.5, cy=212.5))
-    dense, bare = (measure(setup, "dark", has, 500.0, 0) for has in (True, False))
-    assert dense["features_per_megapixel"] > 2 * bare["features_per_megapixel"]
-    assert 0 < dense["repeated"] <= dense["in_both_views"] <= dense["features"]
+    dense, bare = (count_features(setup, "dark", has, 500.0, 0) for has in (True, False))
+    assert dense.features_per_megapixel > 2 * bare.features_per_megapixel
+    assert 0 < dense.repeated <= dense.in_both_views <= dense.features
 
 
 def test_a_scene_without_dense_posters_is_refused() -> None:

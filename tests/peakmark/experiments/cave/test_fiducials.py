@@ -5,30 +5,32 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from peaksim.geometry.pose import invert, transform
 
-from peakmark.cli.fiducials_command import rates_figure, table_rows
 from peakmark.errors import InputError
 from peakmark.experiments.cave.fiducials import (
+    CAMERA,
     DESIGNS,
     SIDE_M,
     SWEEPS,
-    Condition,
     Design,
-    compare,
+    DesignComparison,
+    SheetCondition,
+    answer_trial,
+    compare_designs,
     conditions,
-    count_of,
-    crossing,
-    look_for,
-    looking,
-    sheet,
-    trial,
+    draw_sheet,
+    find_design,
+    id_count,
+    random_pose,
     width_m,
 )
+from peakmark.experiments.cave.fiducials_results import rates_figure, table_rows
 
 
 @pytest.mark.parametrize("design", DESIGNS)
 def test_every_design_is_found_where_it_is(design: Design) -> None:
-    answers = [trial(design, Condition(tilt_deg=20), np.random.default_rng(seed)) for seed in range(3)]
+    answers = [answer_trial(design, SheetCondition(tilt_deg=20), np.random.default_rng(seed)) for seed in range(3)]
     assert all(answer.is_right for answer in answers)
     assert max(answer.error_px or 0 for answer in answers) < 0.5
     if design != "SURF marker":  # one marker alone carries no id, and a blob on a wall may look like it
@@ -37,27 +39,23 @@ def test_every_design_is_found_where_it_is(design: Design) -> None:
 
 @pytest.mark.parametrize("design", DESIGNS)
 def test_a_design_that_is_covered_is_not_found(design: Design) -> None:
-    answer = trial(design, Condition(occluded=1.0), np.random.default_rng(0))
+    answer = answer_trial(design, SheetCondition(occluded=1.0), np.random.default_rng(0))
     assert (answer.is_right, answer.wrong, answer.error_px) == (False, 0, None)
 
 
 @pytest.mark.parametrize("design", DESIGNS)
 @pytest.mark.parametrize("code", [0, 1])
 def test_sheets_print_the_design_at_its_width(design: Design, code: int) -> None:
-    paper = cv2.resize(sheet(design, code), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
-    assert [name for name, _ in look_for(design, paper)] == [code]
-    printed = np.flatnonzero((sheet(design, code) < 250).any(axis=0))
+    paper = cv2.resize(draw_sheet(design, code), None, fx=0.8, fy=0.8, interpolation=cv2.INTER_AREA)
+    assert [name for name, _ in find_design(design, paper)] == [code]
+    printed = np.flatnonzero((draw_sheet(design, code) < 250).any(axis=0))
     assert np.ptp(printed) + 1 == pytest.approx(72 * width_m(design) / SIDE_M, abs=1)
-    assert count_of(design) >= 2
+    assert id_count(design) >= 2
 
 
 @pytest.mark.parametrize(("tilt", "side"), [(0, 40), (60, 25)])
 def test_the_camera_sees_the_side_and_the_tilt(tilt: float, side: float) -> None:
-    from peaksim.geometry.pose import invert, transform
-
-    from peakmark.experiments.cave.fiducials import CAMERA
-
-    pose = looking(Condition(side, tilt), np.random.default_rng(1))
+    pose = random_pose(SheetCondition(side, tilt), np.random.default_rng(1))
     half = 0.01 * SIDE_M / 2  # small, so that perspective within it does not count
     corners = half * np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0.0]])
     xy = CAMERA.project(transform(invert(pose), corners)).astype(np.float32)
@@ -65,19 +63,12 @@ def test_the_camera_sees_the_side_and_the_tilt(tilt: float, side: float) -> None
     assert np.degrees(np.arccos(-pose[2, 2])) == pytest.approx(tilt, abs=1e-4)
 
 
-def test_diagonals_cross_at_the_centre_of_a_square_in_perspective() -> None:
-    square = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1], [0, 0, 1.0]])
-    seen = square @ np.array([[30, 4, 100], [-3, 25, 80], [0.1, 0.2, 1.0]]).T
-    seen = seen[:, :2] / seen[:, 2:]
-    assert np.allclose(crossing(seen[:4]), seen[4])
-
-
 def test_sweeps_vary_one_quantity_and_rows_make_table_and_figure() -> None:
     assert len(conditions()) == sum(map(len, SWEEPS.values()))
     for quantity, value, condition in conditions():
-        assert condition == replace(Condition(), **{quantity: value})
-    counts = {"right": 3, "trials": 4, "wrong": 1, "error_px_rms": None, "seconds": 0.1}
-    rows = [{"quantity": q, "value": v, "design": d, **counts} for q, v, _ in conditions() for d in DESIGNS]
+        assert condition == replace(SheetCondition(), **{quantity: value})
+    counts = {"right": 3, "trials": 4, "wrong": 1, "error_px_rms": None, "error_px_p95": None, "seconds": 0.1}
+    rows = [DesignComparison(q, v, d, **counts) for q, v, _ in conditions() for d in DESIGNS]
     assert table_rows(rows)[0] == ("side of a marker or tag (px): 8", *["3 (1)"] * 4)
     assert table_rows(rows, "seconds")[0][1:] == (0.1,) * 4
     assert len(rates_figure(rows).axes) == len(SWEEPS)
@@ -86,4 +77,4 @@ def test_sweeps_vary_one_quantity_and_rows_make_table_and_figure() -> None:
 def test_bad_arguments() -> None:
     for trials, seed in ((0, 0), (1, -1)):
         with pytest.raises(InputError, match=r"--(trials|seed): expected"):
-            compare(trials, seed)
+            compare_designs(trials, seed)

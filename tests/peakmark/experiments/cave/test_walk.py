@@ -12,14 +12,16 @@ import numpy as np
 import pytest
 from peaksim.geometry.pose import look_at
 from peaksim.geometry.trajectory import Trajectory
+from peaksim.image_file import read_image
 from peaksim.rendering import render
 from peaksim.scene.file import Setup, load_scene
 from PIL import Image
 
 from peakmark import decode_arrays, identify
 from peakmark.errors import InputError
-from peakmark.experiments.cave.walk import CaveConfig, look, marker_rows, open_cave, places_of, walk
-from peakmark.experiments.cave.walk_results import polarity_figure, run
+from peakmark.experiments.cave.walk import CaveConfig, array_map, marker_rows, open_cave, render_view, render_walk
+from peakmark.experiments.cave.walk_results import polarity_figure, run_cave
+from peakmark.plain import inlined
 from peakmark.score.arrays import printed_arrays
 from tests.peakmark.experiments.cave.cave_scene import SMALL_CAVE
 from tests.places import ROOT
@@ -51,8 +53,8 @@ def seen_from(setup: Setup, eye: list[float], target: list[float]) -> Setup:
 
 def test_the_papers_claim_in_the_shipped_room() -> None:
     config = CaveConfig()
-    view = look(open_cave(config), config, 0, 0.0)
-    row = view.row()
+    view = render_view(open_cave(config), config, 0, 0.0)
+    row = inlined(view.record(), "counts")
     assert (row["markers_in_view"], row["markers_found"], row["arrays_in_view"], row["arrays_decoded"]) == (6, 6, 2, 2)
     assert (row["polarity_errors"], row["polarity_errors_by_signature"]) == (0, 0)
     assert (row["wrong_codes"], row["unsure"]) == (0, 0)
@@ -74,7 +76,7 @@ def test_the_papers_claim_in_the_shipped_room() -> None:
 
 def test_every_promised_file_and_figure_is_there(small: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    result = run(CaveConfig(str(small)), out)
+    result = inlined(run_cave(CaveConfig(str(small)), out), "counts")
     assert {p.name for p in out.iterdir()} == FILES
     assert json.loads((out / "result.json").read_text()) == json.loads(json.dumps(result))
     assert set(result) >= KEYS
@@ -92,7 +94,7 @@ def test_every_promised_file_and_figure_is_there(small: Path, tmp_path: Path) ->
 
 
 def test_a_walk_scores_every_frame_and_makes_a_film(small: Path, tmp_path: Path) -> None:
-    result = run(CaveConfig(str(small), frames=3), tmp_path / "o")
+    result = inlined(run_cave(CaveConfig(str(small), frames=3), tmp_path / "o"), "counts")
     with (tmp_path / "o" / "frames.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["frame"] for row in rows] == ["0", "1", "2"]
@@ -104,18 +106,18 @@ def test_a_walk_scores_every_frame_and_makes_a_film(small: Path, tmp_path: Path)
 def test_a_frame_depends_on_seed_and_index_alone(small: Path) -> None:
     config = CaveConfig(str(small), seed=4, frames=2)
     setup = load_scene(small)
-    views = list(walk(setup, config))
-    again = look(setup, config, 1, 1.0)
+    views = list(render_walk(setup, config))
+    again = render_view(setup, config, 1, 1.0)
     assert np.array_equal(views[1].frame.image, again.frame.image)
-    assert {**views[1].row(), "time_s": 0} == {**again.row(), "time_s": 0}
-    other = look(setup, replace(config, seed=5), 1, 1.0)
+    assert replace(views[1].record(), time_s={}) == replace(again.record(), time_s={})
+    other = render_view(setup, replace(config, seed=5), 1, 1.0)
     assert not np.array_equal(other.frame.image, again.frame.image)
 
 
 def test_a_code_that_hangs_twice_is_on_no_map(small: Path) -> None:
     printed = printed_arrays(load_scene(small).scene)
-    assert set(places_of(printed)) == {3, 6}
-    assert set(places_of([*printed, replace(printed[0], name="copy")])) == {6}
+    assert set(array_map(printed)) == {3, 6}
+    assert set(array_map([*printed, replace(printed[0], name="copy")])) == {6}
 
 
 # --- bad input: never a wrong code, never a traceback ---------------------------------------------------------
@@ -124,7 +126,7 @@ def test_a_code_that_hangs_twice_is_on_no_map(small: Path) -> None:
 @pytest.mark.parametrize("aside", [-0.62, -0.55, -0.5, -0.45, 0.45, 0.5])
 def test_an_array_that_the_border_cuts_is_never_read_wrongly(small: Path, aside: float) -> None:
     setup = seen_from(load_scene(small), [0.3 + aside, 3.2, 1.4], [0.3 + aside, 4.0, 1.4])
-    view = look(setup, CaveConfig(str(small)), 0, 0.0)
+    view = render_view(setup, CaveConfig(str(small)), 0, 0.0)
     assert view.arrays.wrong == 0
     assert view.arrays.missed == ()
 
@@ -134,7 +136,7 @@ def test_arrays_closer_than_their_pitch_are_never_read_wrongly(small: Path, gap_
     paper, beside = f"paper_m = [{gap_m}, 0.2]\n", f"center_m = [{gap_m - 0.3:.3f}, 3.997, 1.4]"
     text = SMALL_CAVE.replace("turn_deg = 20\n", "").replace("center_m = [-0.3, 3", f"{paper}center_m = [-0.3, 3")
     small.write_text(text.replace("center_m = [0.25, 3.998, 1.5]", paper + beside))
-    view = look(load_scene(small), CaveConfig(str(small)), 0, 0.0)
+    view = render_view(load_scene(small), CaveConfig(str(small)), 0, 0.0)
     assert view.arrays.wrong == 0
     assert view.markers.found == view.markers.wanted == 10
 
@@ -142,7 +144,7 @@ def test_arrays_closer_than_their_pitch_are_never_read_wrongly(small: Path, gap_
 def test_blank_posters_and_full_blocks_say_nothing(small: Path) -> None:
     kept = [quad for quad in load_scene(small).scene.quads if not quad.name.startswith("array")]
     setup = load_scene(small)
-    view = look(replace(setup, scene=replace(setup.scene, quads=tuple(kept))), CaveConfig(str(small)), 0, 0.0)
+    view = render_view(replace(setup, scene=replace(setup.scene, quads=tuple(kept))), CaveConfig(str(small)), 0, 0.0)
     assert [array.code for array in view.reading.arrays if array.code is not None] == []
     assert view.reading.pose is None
     assert view.pose_error is None
@@ -151,23 +153,21 @@ def test_blank_posters_and_full_blocks_say_nothing(small: Path) -> None:
 
 def test_a_wall_seen_from_behind_shows_nothing(small: Path) -> None:
     setup = seen_from(load_scene(small), [0.0, 5.5, 1.4], [0.0, 4.0, 1.4])
-    view = look(setup, CaveConfig(str(small)), 0, 0.0)
+    view = render_view(setup, CaveConfig(str(small)), 0, 0.0)
     assert view.reading.found.detections == ()
     assert (view.markers.wanted, len(view.arrays.in_view), view.arrays.wrong) == (0, 0, 0)
 
 
-def test_a_file_that_is_no_picture_and_pictures_that_are_none_are_one_line(tmp_path: Path) -> None:
-    from peaksim.image_file import read_image
-
-    (tmp_path / "x.png").write_text("not a picture")
+def test_a_file_that_is_no_image_and_arrays_that_are_none_are_one_line(tmp_path: Path) -> None:
+    (tmp_path / "x.png").write_text("not an image")
     with pytest.raises(InputError, match=r"x\.png"):
         read_image(tmp_path / "x.png")
-    for picture in (np.zeros((0, 5), np.uint8), np.zeros((5, 5, 7), np.uint8), np.zeros(7, np.uint8)):
+    for image in (np.zeros((0, 5), np.uint8), np.zeros((5, 5, 7), np.uint8), np.zeros(7, np.uint8)):
         with pytest.raises(InputError):
-            decode_arrays(identify(picture, polarity="both"), image=picture)
+            decode_arrays(identify(image, polarity="both"), image=image)
 
 
-def test_a_picture_smaller_than_a_marker_holds_nothing() -> None:
+def test_an_image_smaller_than_a_marker_holds_nothing() -> None:
     assert identify(np.zeros((3, 3), np.uint8), polarity="both") == ()
 
 

@@ -1,35 +1,30 @@
-"""Rows as the detectability run writes them, with chosen figures."""
+"""Rows as the detectability run makes them, with chosen figures."""
 
+from dataclasses import replace
 from typing import Any
 
-from peakmark.score.statistics import wilson
+from peakmark.experiments.detectability.trials import Errors, Percentiles, Row, Summary
+from peakmark.score.statistics import rate
 
 
-def row(experiment: str, marker: str, detector: str, x: float, hits: int = 100, **figures: Any) -> dict[str, Any]:
-    """Return one row of 100 trials; `figures` replace what an undistorted marker would give."""
-    low, high = wilson(hits, 100)
-    rates = {
-        f"{name}{end}": value
-        for name in ("detected", "detected_in_sides", "unique")
-        for end, value in (("", hits / 100), ("_low", low), ("_high", high))
-    }
-    seen: dict[str, Any] = {
-        "response": 10.0,
-        "response_p5": 9.0,
-        "response_p95": 11.0,
-        "response_ratio": 1.0,
-        "size_per_side": 1.0,
-        "size_per_side_p5": 1.0,
-        "size_per_side_p95": 1.0,
-        **{f"{of}{name}_px": 0.1 for of in ("", "blob_") for name in ("bias_x", "bias_y", "rms", "p95")},
-    }
-    if hits == 0:
-        seen = dict.fromkeys(seen)
-    faults = {"failures": 0, "not_finite": 0, "outside": 0, "first_failure": ""}
-    head = {"experiment": experiment, "marker": marker, "series": "", "x": float(x), "detector": detector}
-    return {**head, "trials": 100, **rates, **seen, **faults, **figures}
+def row(experiment: str, marker: str, detector: str, x: float, hits: int = 100, **figures: Any) -> Row:
+    """Return one row of 100 trials; `figures` replace what an undistorted marker would give.
+
+    Besides fields of `Row` and `Summary` these are a response's median, and fields of the errors from the centre.
+    """
+    is_found = hits > 0
+    response = Percentiles(10.0, 9.0, 11.0) if is_found else Percentiles(None, None, None)
+    size = Percentiles(1.0, 1.0, 1.0) if is_found else Percentiles(None, None, None)
+    error = Errors(0.1, 0.1, 0.1, 0.1) if is_found else Errors(None, None, None, None)
+    if "response" in figures:
+        response = replace(response, median=figures.pop("response"))
+    errors = {name: figures.pop(name) for name in ("bias_x_px", "bias_y_px", "rms_px", "p95_px") if name in figures}
+    share, ratio = rate(hits, 100), 1.0 if is_found else None
+    found = Summary(100, share, share, share, response, ratio, size, replace(error, **errors), error, 0, 0, 0, "")
+    series = figures.pop("series", "")
+    return Row(experiment, marker, series, float(x), detector, replace(found, **figures))
 
 
-def curve(experiment: str, marker: str, detector: str, hits: dict[float, int], **figures: Any) -> list[dict[str, Any]]:
+def curve(experiment: str, marker: str, detector: str, hits: dict[float, int], **figures: Any) -> list[Row]:
     """Return the rows of one curve from x → hits."""
     return [row(experiment, marker, detector, x, count, **figures) for x, count in hits.items()]

@@ -22,15 +22,15 @@ def test_ditches_name_both_markers():
     assert found(rows, "both markers have") == "below 90 % at surf-dark: 26; sift-dark: none"
 
 
-def test_the_turn_is_given_as_the_largest_departure_from_the_mean():
+def test_the_rotation_is_given_as_the_largest_departure_from_the_mean():
     rows = [row("turn", *SURF, x, response=response) for x, response in ((0, 9.0), (45, 11.0), (90, 10.0))]
     assert found(rows, "the response stays high") == "surf-dark within ±10.0 % of its mean"
 
 
 def test_the_tilt_limit_is_where_the_rms_error_passes_3_px():
-    rows = [row("tilt", *SURF, x, rms_px=rms, series=sides_away(1)) for x, rms in ((0, 1.0), (25, 3.5), (40, 9.0))]
+    figures = ((0, 100, 1.0), (25, 80, 3.5), (40, 100, 9.0))
+    rows = [row("tilt", *SURF, x, hits, rms_px=rms, series=sides_away(1)) for x, hits, rms in figures]
     rows += [row("tilt", *SURF, x, rms_px=1.0, series=sides_away(20)) for x in (0, 80)]
-    rows[1]["detected"] = 0.8
     text = found(rows, "SURF's marker leaves")
     assert text.split("; ") == [
         "1 sides away: beyond 3 px RMS from 25°, below 90 % at 25°",

@@ -2,7 +2,7 @@ import numpy as np
 
 from peakmark.experiments.detectability.curves import LABELS, curve_figures, curves_figure, draw_rate, panels_of
 from peakmark.experiments.detectability.figures import new_figure
-from peakmark.experiments.detectability.points import EXPERIMENTS, Config, points
+from peakmark.experiments.detectability.points import EXPERIMENTS, DetectabilityConfig, points
 from peakmark.report.plots import save
 from tests.peakmark.experiments.detectability.rows import curve
 
@@ -12,7 +12,11 @@ SURF = [("surf-dark", "surf-paper", "")]
 def test_every_experiment_with_an_axis_of_its_own_has_a_label_and_measured_curves():
     assert set(LABELS) == set(EXPERIMENTS) - {"bias", "map"}
     for experiment in LABELS:
-        measured = {(p.condition.marker, d, p.series) for p in points(Config(only=(experiment,))) for d in p.detectors}
+        measured = {
+            (p.condition.marker, d, p.series)
+            for p in points(DetectabilityConfig(only=(experiment,)))
+            for d in p.detectors
+        }
         assert {c for panel in panels_of(experiment) for c in panel} & measured
 
 
@@ -31,7 +35,7 @@ def test_the_band_around_a_rate_is_its_interval():
     _, (ax,) = new_figure()
     draw_rate(ax, rows, "black")
     band = ax.collections[0].get_paths()[0].vertices
-    assert band[:, 1].min() == rows[1]["detected_low"]
+    assert band[:, 1].min() == rows[1].found.detected.low
     assert band[:, 1].max() == 1
 
 

@@ -4,15 +4,15 @@ from peakmark import marker
 from peakmark.experiments.detectability.figures import figure_1, figure_2, figure_3, figure_4, figure_5, figure_6
 
 
-def pictures(figure):
+def images(figure):
     return [np.asarray(ax.images[0].get_array()) for ax in figure.axes if ax.images]
 
 
 def test_figure_1_shows_both_markers_in_both_polarities_under_both_limits():
-    shown = pictures(figure_1())
+    shown = images(figure_1())
     np.testing.assert_array_equal(shown[2], marker.surf_marker(180))
     np.testing.assert_array_equal(shown[5], 255 - shown[4])
-    assert [len(np.unique(picture)) for picture in shown[6:]] == [2, 2]
+    assert [len(np.unique(image)) for image in shown[6:]] == [2, 2]
 
 
 def test_figure_2_crosses_zero_at_the_disc_radius():
@@ -24,9 +24,9 @@ def test_figure_2_crosses_zero_at_the_disc_radius():
 
 
 def test_figures_3_and_5_show_the_filters_and_the_optimum():
-    for shown, filters in zip(pictures(figure_3()), marker.surf_filters(9), strict=True):
+    for shown, filters in zip(images(figure_3()), marker.surf_filters(9), strict=True):
         np.testing.assert_array_equal(shown, filters)
-    grey, binary = pictures(figure_5())
+    grey, binary = images(figure_5())
     assert grey.shape == binary.shape == (15, 15)
     assert set(np.unique(np.sign(binary))) <= {-1, 0, 1}
 

@@ -1,20 +1,20 @@
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.experiments.detectability.points import EXPERIMENTS, PAPER_EXPERIMENTS, Config, points
+from peakmark.experiments.detectability.points import EXPERIMENTS, PAPER_EXPERIMENTS, DetectabilityConfig, points
 
 
 def test_points_have_unique_names_and_every_thins_them():
-    everything = points(Config())
+    everything = points(DetectabilityConfig())
     assert len({point.name for point in everything}) == len(everything)
     assert {point.experiment for point in everything} == set(EXPERIMENTS)
-    coarse = points(Config(every=4))
+    coarse = points(DetectabilityConfig(every=4))
     assert len(coarse) < len(everything) / 3
     assert {point.name for point in coarse} <= {point.name for point in everything}
 
 
-def test_the_paper_looks_once_at_centred_markers_along_its_own_axes():
-    found = points(Config(is_paper=True))
+def test_the_paper_has_one_centred_marker_a_point_along_its_own_axes():
+    found = points(DetectabilityConfig(is_paper=True))
     assert {point.experiment for point in found} == set(PAPER_EXPERIMENTS)
     assert all(point.condition.is_centred and point.condition.image_px == 513 for point in found)
 
@@ -29,14 +29,14 @@ def test_every_axis_covers_what_it_should():
         ("jpeg", "sift-dark"): (2, 100),
     }
     for (experiment, marker), span in spans.items():
-        values = [p.x for p in points(Config(only=(experiment,))) if p.condition.marker == marker]
+        values = [p.x for p in points(DetectabilityConfig(only=(experiment,))) if p.condition.marker == marker]
         assert (min(values), max(values)) == span
-    tilts = {p.series for p in points(Config(only=("tilt",))) if p.condition.marker == "surf-dark"}
+    tilts = {p.series for p in points(DetectabilityConfig(only=("tilt",))) if p.condition.marker == "surf-dark"}
     assert tilts == {f"{d} sides away" for d in (1, 2, 5, 20)}
 
 
-def test_further_detectors_look_at_every_point_once():
-    for point in points(Config(every=9, extra=("cv2:ORB", "sift"))):
+def test_further_detectors_get_every_point_once():
+    for point in points(DetectabilityConfig(every=9, extra=("cv2:ORB", "sift"))):
         assert point.detectors.count("cv2:ORB") == point.detectors.count("sift") == 1
 
 
@@ -45,4 +45,4 @@ def test_further_detectors_look_at_every_point_once():
 )
 def test_bad_configurations_are_refused(changes):
     with pytest.raises(InputError, match=r"expected .* got "):
-        Config(**changes)
+        DetectabilityConfig(**changes)

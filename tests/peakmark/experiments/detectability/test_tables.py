@@ -17,16 +17,15 @@ from peakmark.experiments.detectability.tables import (
     select,
     span,
 )
-from peakmark.score.statistics import wilson
+from peakmark.score.statistics import rate
 from tests.peakmark.experiments.detectability.rows import curve, row
 
 
 def test_only_a_sure_rate_passes():
     assert passes(row("scale", "m", "d", 1, 100))
     assert not passes(row("scale", "m", "d", 1, 98))
-    few = row("scale", "m", "d", 1, trials=8, detected=1.0, detected_low=wilson(8, 8)[0])
-    assert passes(few)
-    assert not passes({**few, "detected_low": wilson(7, 8)[0]})
+    assert passes(row("scale", "m", "d", 1, trials=8, detected=rate(8, 8)))
+    assert not passes(row("scale", "m", "d", 1, trials=8, detected=rate(7, 8)))
 
 
 def test_ditches_lie_inside_the_span():
@@ -50,7 +49,7 @@ def test_reach_ends_before_the_first_failure(good):
 def test_select_takes_one_curve_in_order():
     rows = curve("turn", "m", "d", {20: 1, 10: 1})
     rows += [row("turn", "m", "e", 5), row("noise", "m", "d", 1), row("turn", "m", "d", 7, series="far")]
-    assert [r["x"] for r in select(rows, "turn", "m", "d")] == [10, 20]
+    assert [r.x for r in select(rows, "turn", "m", "d")] == [10, 20]
 
 
 def test_the_envelope_reads_every_axis_from_its_mild_end():

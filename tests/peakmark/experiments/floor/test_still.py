@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +14,9 @@ from peaksim.scene.file import load_scene
 from PIL import Image
 
 from peakmark.errors import InputError
-from peakmark.experiments.floor.still import FloorConfig, fly, look, open_scene
-from peakmark.experiments.floor.still_results import run
+from peakmark.experiments.floor.still import FloorConfig, open_scene, render_view, render_views
+from peakmark.experiments.floor.still_results import FloorResult, run_floor
+from peakmark.plain import to_plain
 from tests.helpers import needs_gl
 from tests.peaksim.traced.helpers import needs_tracing
 from tests.places import ROOT
@@ -67,26 +67,30 @@ def small_scene(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def default_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+def default_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FloorResult]:
     out = tmp_path_factory.mktemp("floor")
-    return out, run(FloorConfig(), out)
+    return out, run_floor(FloorConfig(), out)
 
 
-def test_the_papers_claim_on_the_shipped_scene(default_run: tuple[Path, dict[str, Any]]) -> None:
+def test_the_papers_claim_on_the_shipped_scene(default_run: tuple[Path, FloorResult]) -> None:
     _, result = default_run
-    assert result["features"] > 20_000
-    assert (result["markers_in_view"], result["markers_found"]) == (14, 14)
-    assert result["false_detections"] == 0
-    assert result["false_above_last_marker"] == 0
-    assert result["response_drop"] >= 2
-    assert result["localisation_px"]["rms"] <= 1
+    score = result.score
+    assert result.features > 20_000
+    assert (score.markers_in_view, score.markers_found) == (14, 14)
+    assert score.false_detections == 0
+    assert score.false_above_last_marker == 0
+    assert score.response_drop is not None
+    assert score.response_drop >= 2
+    assert score.localisation_px.rms is not None
+    assert score.localisation_px.rms <= 1
 
 
-def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, dict[str, Any]]) -> None:
+def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, FloorResult]) -> None:
     out, result = default_run
+    plain = to_plain(result)
     assert {p.name for p in out.iterdir()} == FILES
-    assert json.loads((out / "result.json").read_text()) == json.loads(json.dumps(result))
-    assert set(result) >= {
+    assert json.loads((out / "result.json").read_text()) == json.loads(json.dumps(plain))
+    assert set(plain) >= {
         "features",
         "markers_in_view",
         "markers_found",
@@ -99,7 +103,7 @@ def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, dict[s
         "time_s",
         "peak_memory_mb",
     }
-    assert set(result["time_s"]) == {"load", "render", "detect", "identify"}
+    assert set(plain["time_s"]) == {"load", "render", "detect", "identify"}
     assert Image.open(out / "frame.png").size == (2048, 1536)
     assert Image.open(out / "overlay.png").size == (2048, 1536)
     page = (out / "report.html").read_text()
@@ -112,7 +116,7 @@ def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, dict[s
 @pytest.mark.parametrize("seed", range(10))
 def test_every_floor_and_seed(texture: str, seed: int) -> None:
     config = FloorConfig(texture=texture, seed=seed)
-    score = look(open_scene(config), config, 0, 0.0).score
+    score = render_view(open_scene(config), config, 0, 0.0).score
     assert (score.found, score.wanted, score.false_above_last_marker) == (14, 14, 0)
     assert score.response_drop is not None
     assert score.response_drop >= 2
@@ -124,7 +128,7 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
     drops = {}
     for stretch in (1.0, 2.0):
         config = FloorConfig(stretch=stretch)
-        score = look(open_scene(config), config, 0, 0.0).score
+        score = render_view(open_scene(config), config, 0, 0.0).score
         drops[stretch] = (score.found, score.response_drop or 0.0)
     assert drops[1.0] < drops[2.0]
     assert drops[1.0][1] < 0.75 * drops[2.0][1]
@@ -137,31 +141,31 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
     small_scene: Path, tmp_path: Path, renderer: Renderer
 ) -> None:
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
-        run(FloorConfig(str(small_scene), renderer=renderer, seed=seed), tmp_path / name)
+        run_floor(FloorConfig(str(small_scene), renderer=renderer, seed=seed), tmp_path / name)
     assert checksums(tmp_path / "a") == checksums(tmp_path / "b")
     assert checksums(tmp_path / "a")["frame.png"] != checksums(tmp_path / "c")["frame.png"]
 
 
-def test_a_flight_has_a_row_a_frame_a_summary_and_a_film_that_plays(small_scene: Path, tmp_path: Path) -> None:
+def test_several_frames_have_a_row_each_totals_and_a_film_that_plays(small_scene: Path, tmp_path: Path) -> None:
     import av
 
-    result = run(FloorConfig(str(small_scene), renderer="exact", frames=4), tmp_path)
+    result = run_floor(FloorConfig(str(small_scene), renderer="exact", frames=4), tmp_path)
     with (tmp_path / "frames.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["frame"] for row in rows] == ["0", "1", "2", "3"]
-    assert result["markers_in_view"] == sum(int(row["markers_in_view"]) for row in rows)
-    assert result["markers_found"] == sum(int(row["markers_found"]) for row in rows) == 12
+    assert result.score.markers_in_view == sum(int(row["markers_in_view"]) for row in rows)
+    assert result.score.markers_found == sum(int(row["markers_found"]) for row in rows) == 12
     with av.open(str(tmp_path / "flight.mp4")) as container:
         assert len(list(container.decode(video=0))) == 4
         assert container.streams.video[0].codec_context.name == "h264"
 
 
-def test_a_frame_of_a_flight_does_not_depend_on_the_others(small_scene: Path) -> None:
+def test_a_frame_does_not_depend_on_the_others(small_scene: Path) -> None:
     setup = load_scene(small_scene)
     config = FloorConfig(str(small_scene), renderer="exact", seed=5)
-    alone = look(setup, config, 2, 0.5).frame.image
-    look(setup, config, 0, 0.0)
-    assert np.array_equal(look(setup, config, 2, 0.5).frame.image, alone)
+    alone = render_view(setup, config, 2, 0.5).frame.image
+    render_view(setup, config, 0, 0.0)
+    assert np.array_equal(render_view(setup, config, 2, 0.5).frame.image, alone)
 
 
 def resident_mb() -> float:
@@ -173,7 +177,7 @@ def resident_mb() -> float:
 def test_memory_is_flat_over_200_frames(small_scene: Path, renderer: Renderer) -> None:
     config = FloorConfig(str(small_scene), renderer=renderer, frames=200)
     after_50 = 0.0
-    for view in fly(load_scene(small_scene), config):
+    for view in render_views(load_scene(small_scene), config):
         if view.index == 50:
             after_50 = resident_mb()
     assert resident_mb() - after_50 < 20

@@ -1,4 +1,4 @@
-"""The robot and its controller, with projected truth in the detector's place."""
+"""The robot and its controller, with projected truth instead of a detector."""
 
 import numpy as np
 import pytest
@@ -38,11 +38,11 @@ def random_path(rng: np.random.Generator) -> FloorPath:
 
 
 def drive(path: FloorPath, rng: np.random.Generator, blind_from: int = 10_000) -> tuple[np.ndarray, list[Command]]:
-    """Return where the robot was at each frame and what it was told; sight fails from a frame on."""
+    """Return the robot's position and command in each frame; nothing is detected from a frame on."""
     markers = np.column_stack([path.at(np.arange(0, path.length_m, 0.3)), np.zeros(int(np.ceil(path.length_m / 0.3)))])
     state = State(*(path.at(-0.5)[0] + rng.normal(0, 0.03, 2)), float(path.heading_rad(0)[0]) + rng.normal(0, 0.05))
     bias = rng.normal(0, ROBOT.wheel_bias, 2)
-    commands, places = [STOP, STOP], []
+    commands, positions = [STOP, STOP], []
     for frame in range(400):
         pose = robot_camera_pose(ROBOT, state, MOUNT)
         near = np.linalg.norm(markers - pose[:3, 3], axis=1) < 2.5
@@ -53,18 +53,18 @@ def drive(path: FloorPath, rng: np.random.Generator, blind_from: int = 10_000) -
             seen = seen[:0]
         commands.append(steer(ROBOT, STEERING, seen_from_robot(ROBOT, MOUNT, CAMERA, seen), commands[-1].speed_m_s))
         state = driven(ROBOT, state, commands[-2], FRAME_S, bias, rng)
-        places.append((state.x_m, state.y_m))
+        positions.append((state.x_m, state.y_m))
         if commands[-10:] == [STOP] * 10:
             break
-    return np.array(places), commands
+    return np.array(positions), commands
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_it_follows_ten_metres_and_stops_at_the_end(seed: int) -> None:
     rng = np.random.default_rng(seed)
     path = random_path(rng)
-    places, commands = drive(path, rng)
-    at, left = path.nearest(places)
+    positions, commands = drive(path, rng)
+    at, left = path.nearest(positions)
     on_path = (at > 0) & (at < path.length_m)
     assert commands[-1] == STOP
     assert path.length_m - at[-1] < 0.8
@@ -73,21 +73,21 @@ def test_it_follows_ten_metres_and_stops_at_the_end(seed: int) -> None:
 
 def test_it_stops_at_once_when_it_sees_nothing() -> None:
     rng = np.random.default_rng(0)
-    places, commands = drive(random_path(rng), rng, blind_from=60)
+    positions, commands = drive(random_path(rng), rng, blind_from=60)
     assert commands[2 + 60 :] == [STOP] * len(commands[2 + 60 :])
-    assert np.linalg.norm(places[-1] - places[60]) < 0.1
+    assert np.linalg.norm(positions[-1] - positions[60]) < 0.1
 
 
 @settings(max_examples=60, deadline=None)
-@given(speed=st.floats(-1, 1), turn=st.floats(-3, 3), heading=st.floats(-3, 3), steps=st.integers(2, 30))
-def test_an_arc_in_one_step_is_the_same_arc_in_many(speed: float, turn: float, heading: float, steps: int) -> None:
-    wheels = wheel_speeds(ROBOT, Command(speed, turn))
+@given(speed=st.floats(-1, 1), turn_rate=st.floats(-3, 3), heading=st.floats(-3, 3), steps=st.integers(2, 30))
+def test_an_arc_in_one_step_is_the_same_arc_in_many(speed: float, turn_rate: float, heading: float, steps: int) -> None:
+    wheels = wheel_speeds(ROBOT, Command(speed, turn_rate))
     at_once = advanced(ROBOT, State(1.0, 2.0, heading), wheels, 0.5)
     state = State(1.0, 2.0, heading)
     for _ in range(steps):
         state = advanced(ROBOT, state, wheels, 0.5 / steps)
     assert np.allclose([state.x_m, state.y_m, state.heading_rad], [at_once.x_m, at_once.y_m, at_once.heading_rad])
-    assert at_once.heading_rad == pytest.approx(heading + 0.5 * turn)
+    assert at_once.heading_rad == pytest.approx(heading + 0.5 * turn_rate)
 
 
 def test_a_quarter_circle_ends_where_it_should() -> None:

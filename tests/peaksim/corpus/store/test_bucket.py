@@ -6,7 +6,7 @@ from urllib.request import Request, urlopen
 
 import pytest
 from peaksim.corpus import check_corpus, make_corpus, open_corpus, processes
-from peaksim.corpus.store.base import write
+from peaksim.corpus.store.base import write_file
 from peaksim.corpus.store.opening import open_store
 from peaksim.errors import InputError
 
@@ -91,7 +91,7 @@ def test_a_bucket_that_is_missing_or_forbidden_is_one_line(
     assert "\n" not in str(caught.value)
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")  # nobody listens there
     with pytest.raises(InputError, match=r"s3://corpora/tiny: "):
-        write(open_store("s3://corpora/tiny"), "x", b"x")
+        write_file(open_store("s3://corpora/tiny"), "x", b"x")
 
 
 def test_a_user_without_rights_is_told_in_one_line(folder: Path, s3: str) -> None:
@@ -113,7 +113,7 @@ def test_a_user_without_rights_is_told_in_one_line(folder: Path, s3: str) -> Non
 def test_an_unknown_kind_of_url_is_one_line(url: str) -> None:
     if url == "memory":
         store = open_store("memory://corpora/x")
-        write(store, "a/b", b"1")
+        write_file(store, "a/b", b"1")
         assert (store.read("a/b"), list(store.names())) == (b"1", ["a/b"])
         return
     with pytest.raises(InputError, match="nosuch"):

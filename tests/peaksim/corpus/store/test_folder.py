@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from peaksim.corpus import make_corpus
-from peaksim.corpus.store.base import write
+from peaksim.corpus.store.base import write_file
 from peaksim.corpus.store.opening import open_store
 from peaksim.errors import InputError
 
@@ -17,8 +17,8 @@ from tests.peaksim.corpus.helpers import tiny_spec
 
 def test_what_is_written_is_read_and_listed(tmp_path: Path) -> None:
     store = open_store(str(tmp_path / "new" / "er"), new=True)
-    digest = write(store, "a/b/c.txt", b"hello")
-    write(store, "top.txt", b"")
+    digest = write_file(store, "a/b/c.txt", b"hello")
+    write_file(store, "top.txt", b"")
     assert digest == hashlib.sha256(b"hello").hexdigest()
     assert store.read("a/b/c.txt") == b"hello"
     assert store.exists("a/b/c.txt")
@@ -32,7 +32,7 @@ def test_files_settle_many_at_once_and_a_missing_one_is_named(tmp_path: Path) ->
     store = open_store(str(tmp_path))
     names = [f"a/{k}" for k in range(40)]
     for name in names:
-        assert write(store, name, name.encode(), lasting=False) == hashlib.sha256(name.encode()).hexdigest()
+        assert write_file(store, name, name.encode(), lasting=False) == hashlib.sha256(name.encode()).hexdigest()
     assert sorted(store.names()) == sorted(names)
     with settled() as synced:
         store.settle(names)
@@ -69,7 +69,7 @@ def test_a_shard_is_sealed_when_its_frames_have_settled(folder: Path, tmp_path: 
 
 def test_an_exception_while_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     store = open_store(str(tmp_path))
-    write(store, "x.txt", b"old")
+    write_file(store, "x.txt", b"old")
 
     def fail() -> None:
         with store.create("x.txt") as file:
@@ -87,7 +87,7 @@ def test_an_exception_while_writing_leaves_the_old_file_and_nothing_else(tmp_pat
 def test_names_that_could_lead_elsewhere_are_refused(tmp_path: Path, name: str) -> None:
     store = open_store(str(tmp_path / "in"), new=True)
     with pytest.raises(InputError, match="expected a plain file name"):
-        write(store, name, b"x")
+        write_file(store, name, b"x")
     with pytest.raises(InputError, match="expected a plain file name"):
         store.read(name)
     assert [p.name for p in tmp_path.iterdir()] == ["in"]
@@ -105,15 +105,15 @@ def test_what_is_missing_or_no_folder_is_one_line(tmp_path: Path) -> None:
 
 def test_a_folder_with_spaces_quotes_and_html_is_a_folder_like_any_other(tmp_path: Path) -> None:
     store = open_store(str(tmp_path / 'it\'s a "<b>" folder'), new=True)
-    write(store, "x", b"1")
+    write_file(store, "x", b"1")
     assert store.read("x") == b"1"
 
 
 def test_a_full_disk_is_one_line_and_leaves_no_torn_file(tmp_path: Path) -> None:
     store = open_store(str(tmp_path))
-    (tmp_path / ".unfinished").symlink_to("/dev/full")  # a place that cannot take anything
+    (tmp_path / ".unfinished").symlink_to("/dev/full")  # a device on which nothing can be written
     with pytest.raises(InputError, match=r"x\.bin: "):
-        write(store, "x.bin", b"y")
+        write_file(store, "x.bin", b"y")
     assert not store.exists("x.bin")
 
 

@@ -1,0 +1,76 @@
+"""The views along a trajectory on disk: a film of all, and the images and figures of the first."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.camera.frame import Frame
+from PIL import Image
+
+from peakmark.report import plots
+from peakmark.report.film import filmed
+from peakmark.report.page import Section, jpeg_uri, svg_uri
+
+
+class Framed(Protocol):
+    """Whatever was found in a frame."""
+
+    @property
+    def frame(self) -> Frame:
+        """After the sensor."""
+
+
+AnyView = TypeVar("AnyView", bound=Framed)
+
+
+def write_views(
+    folder: Path,
+    views: Iterable[AnyView],
+    overlay: Callable[[AnyView], NDArray[np.uint8]],
+    figures: Callable[[AnyView], dict[str, Any]],
+    film: str | None,
+    on_view: Callable[[AnyView], None],
+) -> tuple[AnyView, dict[str, str]]:
+    """Write frame.png, overlay.png and the figures of the first view, and a film of all overlays.
+
+    Parameters
+    ----------
+    folder
+        Where.
+    views
+        One at least; none is kept but the first.
+    overlay
+        Returns the (H, W, 3) drawing on a view's frame.
+    figures
+        Returns matplotlib figures of a view by their files' names, without suffix.
+    film
+        Name of the film; None makes none.
+    on_view
+        Called with each view when it is written.
+
+    Returns
+    -------
+    The first view, and data URIs of "overlay" and each figure.
+    """
+    drawn = filmed(views, overlay, None if film is None else folder / film)
+    first, image = next(drawn)
+    # photographs with noise hardly shrink, so the quickest compression serves
+    Image.fromarray(first.frame.image).save(folder / "frame.png", compress_level=1)
+    Image.fromarray(image).save(folder / "overlay.png", compress_level=1)
+    uris = {"overlay": jpeg_uri(image)}
+    for name, figure in figures(first).items():
+        plots.save(figure, folder / f"{name}.png")
+        uris[name] = svg_uri(figure)
+    on_view(first)
+    for view, _ in drawn:
+        on_view(view)
+    return first, uris
+
+
+def curve_section(title: str, unit: str, times_s: Sequence[float], values: Sequence[float | None]) -> Section:
+    """Return a part of a page with a curve over the time of the frames; None leaves a gap."""
+    figure, ax = plots.new_figure(8, 2.6)
+    plots.figure_over_time(ax, np.array(times_s), np.array([np.nan if v is None else v for v in values]), title, unit)
+    return Section(f"Over time: {title}", image=svg_uri(figure))

@@ -1,0 +1,45 @@
+"""The list of commands: quick, and true to the commands that it names."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from peakmark.cli.app import COMMANDS, app, load_command
+from tests.places import SOURCES
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": SOURCES}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_list_has_the_commands_own_words(name: str) -> None:
+    command = load_command(name)
+    assert command.help.splitlines()[0] == COMMANDS[name][1]
+
+
+def test_help_lists_every_command_and_imports_none() -> None:
+    code = (
+        "import sys\nfrom peakmark.cli.app import app\n"
+        "try: app(['--help'])\n"
+        "finally: print(*{'numba', 'cv2', 'scipy', 'pydantic'} & set(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=ENVIRONMENT, timeout=60
+    )
+    assert done.stderr.split() == []
+    assert all(f" {name} " in done.stdout for name in COMMANDS)
+
+
+def test_a_command_has_its_own_help() -> None:
+    done = CliRunner().invoke(app, ["detect", "--help"])
+    assert done.exit_code == 0
+    assert "Usage: root detect" in " ".join(done.output.split())
+    assert "--threshold" in done.output
+
+
+def test_a_mistyped_command_is_refused_with_a_guess() -> None:
+    done = CliRunner().invoke(app, ["corpu"])
+    assert done.exit_code == 2
+    assert "Did you mean 'corpus'?" in done.output
