@@ -39,9 +39,8 @@ class Track:
     size: float
     """Side when last seen, px."""
     hits: int = 1
-    """Frames in which it was seen."""
     misses: int = 0
-    """Frames since it was last seen."""
+    """Frames in which it was seen, and since it was last seen."""
 
 
 @dataclass(frozen=True)

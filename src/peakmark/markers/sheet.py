@@ -75,9 +75,7 @@ class Placed:
     """A marker at its position on a tile or page."""
 
     marker: Print
-    """What is printed."""
     x_mm: float
-    """Centre."""
     y_mm: float
     """Centre."""
 
@@ -99,9 +97,7 @@ class Page:
     """One sheet of paper."""
 
     width_mm: float
-    """Width."""
     height_mm: float
-    """Height."""
     scale_bar_mm: float
     """Length of the scale bar at the bottom."""
     items: tuple[Item, ...]

@@ -25,7 +25,6 @@ class PrintedArray:
     name: str
     """Of the quad that carries it."""
     code: int
-    """The number that it encodes."""
     marks: tuple[str, ...]
     """Names of its marks in reading order."""
     side_m: float
@@ -82,9 +81,8 @@ class ArrayScore:
     in_view: tuple[str, ...]
     """Names of the arrays that must be read: every marker is `READABLE`, and the blank corner is in the image too."""
     decoded: tuple[str, ...]
-    """Those of them that were read correctly."""
     missed: tuple[str, ...]
-    """Those that were not."""
+    """Those of them that were read correctly, and those that were not."""
     wrong: int
     """Codes that were named where no array with that code lies."""
     right: dict[str, int]

@@ -19,13 +19,11 @@ class Localisation:
     """Distances of found markers from their true centres."""
 
     bias: float | None
-    """Length of the mean error vector, px; None where nothing was found."""
     bias_xy: tuple[float, float] | None
-    """Mean error vector, detected − true, px."""
+    """Length of the mean error vector, detected − true, and the vector, px; None where nothing was found."""
     rms: float | None
-    """Root mean square distance, px."""
     p95: float | None
-    """95th percentile of the distance, px."""
+    """Root mean square and 95th percentile of the distance, px."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +31,10 @@ class MarkerScore:
     """What became of a visible marker."""
 
     name: str
-    """Of the mark."""
     side_px: float
-    """True side in the image."""
     tilt_deg: float
-    """True tilt."""
     distance_m: float
-    """True distance."""
+    """True side in the image, tilt and distance."""
     is_in_view: bool
     """Whether it is fully in view."""
     is_wanted: bool

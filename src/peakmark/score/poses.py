@@ -32,13 +32,11 @@ class TrajectoryErrors:
     """Errors of a trajectory, as evo defines them."""
 
     ate_rmse_mm: float
-    """Absolute error of the positions, root mean square."""
     ate_max_mm: float
-    """The largest of them."""
+    """Absolute errors of the positions, root mean square and largest."""
     rpe_rmse_mm: float
-    """Relative error from a pose to the next, root mean square."""
     rpe_rmse_deg: float
-    """The same of rotations."""
+    """Relative errors from a pose to the next, of positions and rotations, root mean square."""
 
 
 def trajectory_errors(

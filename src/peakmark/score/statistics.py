@@ -19,9 +19,8 @@ class Rate:
     value: float | None
     """0…1; None without cases."""
     low: float | None
-    """Lower end of the Wilson interval."""
     high: float | None
-    """Upper end."""
+    """Ends of the Wilson interval."""
     of: int
     """Cases."""
 
@@ -119,9 +118,8 @@ class Bin:
     """What was found of the markers in one bin of a quantity."""
 
     low: float
-    """Of the bin, itself in it."""
     high: float
-    """Of the bin, no longer in it."""
+    """Of the bin, the lower itself in it, the upper not."""
     recall: Rate
     """Of the markers in it."""
     error_px: Quantiles

@@ -59,9 +59,7 @@ class Wanted:
     min_side_px: float = 0.0
     """Smallest side, after stretching."""
     max_tilt_deg: float = 90.0
-    """Largest tilt."""
     min_visible: float = FULLY_IN_VIEW
-    """Smallest visible fraction."""
     kinds: tuple[str, ...] = ()
     """Beginnings of the kinds that count; empty for all."""
     stretch: Stretch = 1.0

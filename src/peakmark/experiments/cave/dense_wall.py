@@ -54,9 +54,8 @@ class WallFeatures:
     posters: bool
     """Whether they hang there."""
     features: int
-    """In the first view of the patch."""
     features_per_megapixel: float
-    """Of the patch in that view."""
+    """In the first view of the patch, in all and per 10⁶ pixels of it."""
     in_both_views: int
     """Those whose point on the wall lies in the second view, too."""
     repeated: int

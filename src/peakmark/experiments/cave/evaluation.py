@@ -64,13 +64,11 @@ class ArrayRecord:
     name: str
     """Of the quad that carries it."""
     side_px: float
-    """Of its smallest marker."""
     tilt_deg: float
-    """Of its most tilted marker."""
+    """Of its smallest marker, and of its most tilted one."""
     is_decoded: bool
-    """Whether it was read rightly."""
     is_decoded_by_paper: bool
-    """Whether the paper's rule read it rightly."""
+    """Whether it was read rightly, by the robust decoder and by the paper's rule."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +80,8 @@ class PoseRecord:
     arrays: int
     """How many arrays it rests on."""
     mm: float
-    """Distance from the true position."""
     deg: float
-    """Angle to the true rotation."""
+    """Distance from the true position, and angle to the true rotation."""
     is_flipped: bool
     """Whether the other pose that was found is nearer to the true rotation."""
     is_certain: bool
@@ -96,11 +93,9 @@ class ViewRecord:
     """What is kept of a view."""
 
     room: int
-    """Number of the room."""
     camera: str
     """Its size, such as "1024×768"."""
     frame: CaveFrame
-    """The figures of the frame."""
     markers: tuple[MarkerScore, ...]
     """All visible markers."""
     arrays: tuple[ArrayRecord, ...]

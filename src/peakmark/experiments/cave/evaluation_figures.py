@@ -25,9 +25,8 @@ class ArrayPoseFigures:
     arrays: float | None
     """Mean number of arrays a pose; None without poses."""
     mm: Quantiles
-    """Error of the position."""
     deg: Quantiles
-    """Error of the rotation."""
+    """Errors of position and rotation."""
     flips: Rate
     """Poses that are the mirrored one."""
     certain: Rate
@@ -43,15 +42,13 @@ class EvaluationFigures:
     """All figures of an evaluation; "wanted" markers and arrays are those that must be found."""
 
     views: int
-    """Number of views."""
     features: int
     """Median number of key points a view."""
     recall: Rate
     """Wanted markers that were found."""
     polarity_errors: Rate
-    """Found ones with the wrong sign of the Laplacian."""
     polarity_errors_by_signature: Rate
-    """Found ones with the signature of the other polarity."""
+    """Found ones with the wrong sign of the Laplacian, and with the other polarity's signature."""
     localisation_px: Quantiles
     """Distance of the found ones from their true centres."""
     false_detections_per_view: float | None
@@ -63,9 +60,8 @@ class EvaluationFigures:
     unsure_per_view: float | None
     """Readings without a code; None without views."""
     arrays_decoded_by_paper: Rate
-    """Wanted arrays that the paper's rule read rightly."""
     wrong_codes_by_paper: int
-    """Codes of the paper's rule that hang not there."""
+    """The same by the paper's rule; of its wrong codes the number."""
     pose: dict[PoseKind, ArrayPoseFigures]
     """By what the poses rest on."""
     time_s: dict[str, float]

@@ -92,21 +92,17 @@ class DesignComparison:
     """One design under one condition."""
 
     quantity: str
-    """That is varied, a key of `SWEEPS`."""
     value: float
-    """Of the quantity."""
+    """A key of `SWEEPS`, and what it was."""
     design: Design
-    """What is printed on the sheet."""
     right: int
-    """Trials in which it was found with its id."""
     trials: int
-    """All trials."""
+    """Trials in which it was found with its id, and all trials."""
     wrong: int
     """Ids, codes or markers that are not there, over all trials."""
     error_px_rms: float | None
-    """Root mean square error of the centre; None where nothing was found."""
     error_px_p95: float | None
-    """95th percentile of the error."""
+    """Root mean square and 95th percentile of the centre's error; None where nothing was found."""
     seconds: float
     """Median time of the detector."""
 

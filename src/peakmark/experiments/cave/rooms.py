@@ -91,11 +91,9 @@ class Room:
     """A random room."""
 
     scene: Scene
-    """Everything in it."""
     min_m: NDArray[np.float64]
-    """(3,) corner."""
     max_m: NDArray[np.float64]
-    """(3,) opposite corner."""
+    """(3,) opposite corners."""
     arrays: tuple[str, ...]
     """Names of the quads that carry one 3-bit array."""
 
@@ -137,9 +135,8 @@ class _Slot:
     """Where one poster may hang."""
 
     center_m: tuple[float, float, float]
-    """Of the poster."""
     normal: tuple[float, float, float]
-    """Out of the wall."""
+    """Of the poster, and out of the wall."""
 
 
 def _slots(rng: np.random.Generator, size: NDArray[np.float64]) -> list[_Slot]:

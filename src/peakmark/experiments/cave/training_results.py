@@ -33,7 +33,6 @@ class SampleCounts:
     """How many samples there are."""
 
     views: int
-    """Images."""
     markers: int
     """Markers that must be found."""
     clutter: int
@@ -47,9 +46,8 @@ class ClassifierRecord:
     """One kind of classifier."""
 
     held_out: Quality
-    """In rooms that it was not trained on."""
     training: Quality
-    """In its own."""
+    """In rooms that it was not trained on, and in its own."""
     threshold: float
     """Its operating point."""
 
@@ -59,13 +57,11 @@ class TrainingResult:
     """What `result.json` holds."""
 
     config: TrainingConfig
-    """Of the run."""
     shipped: str
     """The kind that classifier.json holds."""
     training: SampleCounts
-    """What was learnt from."""
     held_out: SampleCounts
-    """What was evaluated on."""
+    """What was learnt from, and evaluated on."""
     classifiers: dict[str, ClassifierRecord]
     """By kind."""
 

@@ -70,27 +70,23 @@ class Counts:
     """Figures of a frame that add up over frames."""
 
     markers_in_view: int
-    """Markers that must be found."""
     markers_found: int
-    """Those that were."""
+    """Markers that must be found, and those that were."""
     false_detections: int
     """Detections at no visible marker."""
     polarity_errors: int
-    """Found markers with the wrong sign of the Laplacian."""
     polarity_errors_by_signature: int
-    """Found markers with a signature nearer to that of the other polarity."""
+    """Found markers with the wrong sign of the Laplacian, and with a signature nearer to that of the other polarity."""
     arrays_in_view: int
-    """Arrays that must be read."""
     arrays_decoded: int
-    """Those that were."""
+    """Arrays that must be read, and those that were."""
     wrong_codes: int
     """Codes that were named where no array with that code lies."""
     unsure: int
     """Readings without a code."""
     arrays_decoded_by_paper: int
-    """`arrays_decoded` by the paper's rule."""
     wrong_codes_by_paper: int
-    """`wrong_codes` by the paper's rule."""
+    """The same by the paper's rule."""
 
 
 COUNTS = tuple(field.name for field in fields(Counts))
@@ -106,25 +102,21 @@ class CaveFrame:
     """The plain figures of one frame; a row of frames.csv, the counts inlined."""
 
     frame: int
-    """Number from 0."""
     time_on_path_s: float
-    """When it was taken."""
+    """Number from 0, and when it was taken."""
     features: int
-    """SURF key points."""
     counts: Counts
-    """What adds up over frames."""
+    """Number of key points, and what adds up over frames."""
     codes: tuple[int, ...]
     """That were read, rightly or wrongly."""
     missed: tuple[str, ...]
     """Names of the arrays and markers in view that were not found."""
     pose_mm: float | None
-    """Distance of the camera's pose from the true one; None without a pose."""
     pose_deg: float | None
-    """Angle between the two."""
+    """Distance and angle of the camera's pose from the true one; None without a pose."""
     pose_is_certain: bool | None
     """Whether no other pose explains the image nearly as well."""
     rank_of_last_marker: int | None
-    """See `Score`."""
     response_drop: float | None
     """See `Score`."""
     time_s: dict[str, float]
@@ -140,13 +132,11 @@ class CaveView:
     frame: Frame
     """After the sensor."""
     reading: Reading
-    """What was found."""
     markers: Score
     """Markers, and the responses of all features, against truth."""
     arrays: ArrayScore
-    """Against truth."""
     paper: ArrayScore
-    """The paper's rule against truth."""
+    """Arrays against truth, read by the robust decoder and by the paper's rule."""
     pose_error: tuple[float, float] | None
     """Of the camera, mm and degrees; None without a pose."""
     render_s: float

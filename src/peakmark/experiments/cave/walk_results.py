@@ -45,25 +45,20 @@ class CaveResult:
     missed: list[str]
     """Names of what was not found, frame by frame."""
     pose_mm: float | None
-    """Median error of the camera's position; None without any pose."""
     pose_deg: float | None
-    """Median error of its rotation."""
+    """Median errors of the camera's position and rotation; None without any pose."""
     response_drop: float | None
-    """Median."""
     features: int
-    """Median number of key points."""
+    """Medians; `features` is the number of key points."""
     rank_of_last_marker: int | None
     """Of the first frame."""
     frames: int
-    """That were rendered."""
     time_s: dict[str, float | None]
     """Median seconds by stage."""
     config: CaveConfig
-    """Of the run."""
     load_s: float
     """Seconds for the scene."""
     peak_memory_mb: float
-    """Of this process."""
 
 
 def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> CaveResult:

@@ -44,9 +44,8 @@ class Reach:
     tilt_deg: float
     """Between the marker's normal and the ray to the camera."""
     nearest_m: float | None
-    """The nearest measured distance inside the envelope; None if there is none."""
     farthest_m: float | None
-    """The farthest."""
+    """Nearest and farthest measured distance inside the envelope; None if there is none."""
     gaps_m: tuple[tuple[float, float], ...]
     """Distances between them where a measured size fails, from its nearer to its farther good neighbour."""
 

@@ -78,9 +78,7 @@ class Point:
     x: float
     """Position on the experiment's axis."""
     condition: Condition
-    """What the image shows."""
     detectors: tuple[str, ...]
-    """Names of detectors."""
     series: str = ""
     """What tells this point's curve from others of the same marker, such as "2 sides away"."""
 

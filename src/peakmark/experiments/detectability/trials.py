@@ -30,9 +30,8 @@ class ReferenceResponse:
     """What a detector gives for an undistorted marker."""
 
     response: float
-    """Median response."""
     size_per_side: float
-    """Median key point size over the marker's side."""
+    """Medians of the response, and of the key point's size over the marker's side."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +39,15 @@ class Trial:
     """One image through one detector."""
 
     detected: bool
-    """Within `TOLERANCE_PX`."""
     detected_in_sides: bool
-    """Within `TOLERANCE_SIDES`."""
+    """Within `TOLERANCE_PX`, and within `TOLERANCE_SIDES`."""
     unique: bool
     """Detected, and by the strongest key point of the image."""
     response: float
     """Of the key point that is taken for the marker's; nan without one."""
     error_px: NDArray[np.float64]
-    """(2,) its position minus the true centre; nan without one."""
     blob_error_px: NDArray[np.float64]
-    """(2,) its position minus the projected blob's centroid."""
+    """(2,) its position minus the true centre, and minus the projected blob's centroid; nan without one."""
     size_per_side: float
     """Its size over the marker's side in the image."""
 
@@ -63,11 +60,8 @@ class Percentiles:
     """The middle 90 % of a quantity; None where nothing was found."""
 
     median: float | None
-    """Half of the values are below."""
     p5: float | None
-    """5 % of the values are below."""
     p95: float | None
-    """95 % of the values are below."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +83,9 @@ class Summary:
     """The trials of one condition through one detector."""
 
     trials: int
-    """Number of images."""
     detected: Rate
-    """Trials with the marker within `TOLERANCE_PX`."""
     detected_in_sides: Rate
-    """Trials with the marker within `TOLERANCE_SIDES`."""
+    """Trials with the marker within `TOLERANCE_PX`, and within `TOLERANCE_SIDES`."""
     unique: Rate
     """Trials with the marker as the strongest key point."""
     response: Percentiles
@@ -103,15 +95,13 @@ class Summary:
     size_per_side: Percentiles
     """Size of the key point over the marker's side, where detected."""
     error: Errors
-    """From the marker's projected centre."""
     blob_error: Errors
-    """From the centroid of the image of its central blob."""
+    """From the marker's projected centre, and from the centroid of the image of its central blob."""
     failures: int
     """Trials in which the detector raised an exception."""
     not_finite: int
-    """Key points with nan or inf, over all trials."""
     outside: int
-    """Key points outside the image, over all trials."""
+    """Key points with nan or inf, and outside the image, over all trials."""
     first_failure: str
     """The first exception's type and text."""
 
@@ -121,17 +111,13 @@ class Row:
     """One point through one detector."""
 
     experiment: str
-    """Name of the axis."""
     marker: str
-    """Kind of the marker."""
     series: str
     """What tells this curve from others of the same marker."""
     x: float
     """Position on the axis."""
     detector: str
-    """Name of the detector."""
     found: Summary
-    """Its trials."""
 
     def columns(self) -> dict[str, str | float | None]:
         """Return the columns of rows.csv."""

@@ -66,7 +66,6 @@ class Flight:
     """A loaded flight."""
 
     config: FlightConfig
-    """What was to be flown."""
     setup: Setup
     """The scene and its own camera."""
     ride: Ride

@@ -38,15 +38,13 @@ class DetectionFigures:
     """How the markers of all frames were found."""
 
     frames: int
-    """How many."""
     recall: Rate
     """Of the markers that must be found, see `Flown.wanted`."""
     precision: Rate
     """Detections that are at a marker."""
     false: int
-    """Detections that are not."""
     false_per_megapixel: float
-    """The same for each 10⁶ pixels."""
+    """Detections that are at no marker, in all and for each 10⁶ pixels."""
     uniquely_detectable: Rate
     """Frames with such markers in which the weakest found one has a response above all clutter."""
     silent_without_markers: Rate
@@ -68,7 +66,6 @@ class PoseFigures:
     wrong: int
     """Poses that were accepted and are a flip or on another part of the map."""
     position_mm: Quantiles
-    """Errors."""
     rotation_deg: Quantiles
     """Errors."""
 

@@ -45,9 +45,8 @@ class FlightResult:
     remarks: list[str]
     """What makes figures unreliable, a line each."""
     renderer: str
-    """"exact" or "gl"."""
     gl_renderer: str | None
-    """What OpenGL calls itself; None for the exact renderer."""
+    """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
     config: FlightConfig
     peak_memory_mb: float
 

@@ -27,7 +27,6 @@ class FlownFrame:
     """A frame's record, and what the frames before it add."""
 
     record: FrameRecord
-    """Of the frame alone."""
     track_ids: NDArray[np.intp]
     """(n,) of the detections."""
     located: Located | None
@@ -65,15 +64,13 @@ class Flown:
     name: str
     """Of the flight among others."""
     camera: Camera
-    """That took the frames."""
     stretch: Stretch
-    """Before detection."""
+    """Vertical, before detection."""
     times_s: NDArray[np.float64]
     """(n,) of the frames."""
     floor_map: FloorMap | None
     """None where the markers are not on one level floor: no distances, no poses."""
     frames: list[FlownFrame]
-    """In order."""
 
     @property
     def records(self) -> list[FrameRecord]:

@@ -20,11 +20,9 @@ class FlightsResult:
     """What result.json holds; the pooled figures lie at its top."""
 
     pooled: PooledFigures
-    """Of all flights."""
     blank: dict[str, FalsePositives]
     """"rendered" and "photographs": detections in images without markers."""
     stretch: list[StretchRow]
-    """A row each."""
 
     def to_plain(self) -> dict[str, Any]:
         """Return what result.json holds."""

@@ -25,9 +25,7 @@ class FloorView:
     frame: Frame
     """After the sensor."""
     found: Identification
-    """All features and the identified markers."""
     score: Score
-    """Against truth."""
     time_s: dict[str, float]
     """Seconds for "render" (with the sensor), "detect", "identify" and "score"."""
 
@@ -42,13 +40,11 @@ class ViewRow:
     """A frame's line of frames.csv."""
 
     frame: int
-    """Frame number from 0."""
     time_on_path_s: float
-    """When it was taken."""
+    """Frame number from 0, and when it was taken."""
     features: int
-    """Key points found."""
     score: ScoreSummary
-    """Against truth."""
+    """Number of key points, and the frame against truth."""
     time_s: dict[str, float]
     """Seconds of each stage."""
 

@@ -117,7 +117,6 @@ class DrivePath:
     number: int
     """Of the path, from 0."""
     path: FloorPath
-    """Where it leads."""
     setup: Setup
     """The floor with its markers."""
 
@@ -127,7 +126,6 @@ class DriveFrame:
     """A frame of a drive, and what the robot did."""
 
     record: FrameRecord
-    """What was found in the frame."""
     state: State
     """Where the robot was when it was taken."""
     command: Command

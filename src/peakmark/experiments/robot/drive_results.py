@@ -45,9 +45,7 @@ class Driven:
     """A path that was driven."""
 
     drive_path: DrivePath
-    """The path and its scene."""
     frames: list[DriveFrame]
-    """In order."""
     flown: Flown
     """The same frames, tracked and located."""
 
@@ -57,13 +55,10 @@ class DriveResult:
     """What result.json holds; the figures of all drives lie at its top."""
 
     overall: DriveFigures
-    """Of all drives."""
     paths: list[PathFigures]
-    """Of each."""
     renderer: str
-    """"exact" or "gl"."""
     gl_renderer: str | None
-    """What OpenGL calls itself; None for the exact renderer."""
+    """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
     config: DriveConfig
     peak_memory_mb: float
 
