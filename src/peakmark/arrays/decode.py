@@ -135,19 +135,10 @@ class _Order:
 
 
 @dataclass(frozen=True)
-class _Block:
+class _Block(Lattice):
     """A lattice, and the orders in which the layout fits it: none, or one, more if markers are missing."""
 
-    lattice: Lattice
     readings: list[_Order]
-
-    @property
-    def members(self) -> frozenset[int]:
-        return self.lattice.members
-
-    @property
-    def anisotropy(self) -> float:
-        return self.lattice.anisotropy
 
 
 def _decode(
@@ -159,15 +150,17 @@ def _decode(
 ) -> tuple[MarkerArray, ...]:
     if len(found) < 3:
         return ()
-    everything = [_Block(lattice, _readings(lattice, layout)) for lattice in lattices(seen, layout.pitch)]
+    found_on = lattices(seen, layout.pitch)
+    everything = [_Block(lattice.cells, lattice.anisotropy, _readings(lattice, layout)) for lattice in found_on]
     arrays = []
     for candidate in everything:
         rivals = [other for other in everything if _is_rival(other, candidate, seen.limits)]
         if candidate.readings and not any(_is_better(rival, candidate, seen.limits) for rival in rivals):
             doubt = _rivalry(candidate, rivals) or _doubt(candidate, seen, image_size)
-            if gray is not None and not doubt and not _has_blank(gray, seen, candidate, layout.pitch):
+            order, blank = candidate.readings[0].order, candidate.readings[0].blank
+            if gray is not None and not doubt and not is_blank(gray, seen, candidate, blank, layout.pitch):
                 doubt = "the blank corner is not blank"
-            arrays.append(_array(found, candidate.readings[0].order, layout, doubt))
+            arrays.append(_array(found, order, layout, doubt))
     return tuple(sorted(arrays, key=lambda a: (a.code is None, a.code or 0, tuple(a.xy))))
 
 
@@ -213,20 +206,16 @@ def _readings(lattice: Lattice, layout: Layout) -> list[_Order]:
 
 def _doubt(candidate: _Block, seen: MarkerShapes, image_size: tuple[int, int] | None) -> str:
     """Return what speaks against reading a candidate; an empty string if nothing does."""
-    lattice, blank = candidate.lattice, candidate.readings[0].blank
-    if len(lattice.empty) > 1:
+    blank = candidate.readings[0].blank
+    if len(candidate.empty) > 1:
         return "a marker is missing"
-    if _is_crowded(lattice, blank, seen):
+    if _is_crowded(candidate, blank, seen):
         return "another marker is too near"
     if image_size is not None:
-        (corner,), _ = expected(seen, lattice, np.array([blank], dtype=np.float64))
+        (corner,), _ = expected(seen, candidate, np.array([blank], dtype=np.float64))
         if not (np.all(corner > -0.5) and np.all(corner < np.array(image_size) - 0.5)):
             return "the blank corner lies outside the image"
     return ""
-
-
-def _has_blank(gray: NDArray[np.uint8], seen: MarkerShapes, candidate: _Block, pitch: float) -> bool:
-    return is_blank(gray, seen, candidate.lattice, candidate.readings[0].blank, pitch)
 
 
 def _is_crowded(lattice: Lattice, blank: Cell, seen: MarkerShapes) -> bool:

@@ -10,10 +10,9 @@ from typer import Option
 from peakmark.cli.options import NoiseSeed, Out, Quiet, RoomsSeed, RoomViews
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, print_path, print_table, progress_bar
 from peakmark.experiments.cave import fiducials_results, training_results, walk_results
-from peakmark.experiments.cave.dense_wall_results import compare_walls
+from peakmark.experiments.cave.dense_wall import compare_walls
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
-from peakmark.experiments.cave.evaluation_figures import headline
-from peakmark.experiments.cave.evaluation_results import write_evaluation
+from peakmark.experiments.cave.evaluation_results import headline, write_evaluation
 from peakmark.experiments.cave.fiducials import compare_designs, conditions
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.training import TrainingConfig

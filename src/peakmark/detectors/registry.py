@@ -138,10 +138,7 @@ def opencv_sift(
 def opencv_feature(make: Callable[..., Any], describe: bool, image: ArrayLike, **parameters: Any) -> Keypoints:
     """Key points, strongest first, of what `make(**parameters)` gives, a `cv2.Feature2D`; described if it can.
 
-    Raises
-    ------
-    InputError
-        If OpenCV does not take the parameters.
+    Parameters that OpenCV does not take are an `InputError`.
     """
     cv2 = _opencv()
     try:
@@ -189,13 +186,7 @@ def _opencv_maker(name: str) -> Callable[..., Any]:
 
 
 def import_function(name: str) -> Callable[..., Any]:
-    """Return the function of "module:function".
-
-    Raises
-    ------
-    InputError
-        If it cannot be imported.
-    """
+    """Return the function of "module:function"; one that cannot be imported is an `InputError`."""
     module_name, _, function_name = name.partition(":")
     try:
         function: Callable[..., Any] = getattr(import_module(module_name), function_name)
@@ -211,13 +202,7 @@ def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters
 
 
 def as_keypoints(found: Any) -> Keypoints:
-    """Return what a user's function found as `Keypoints`.
-
-    Raises
-    ------
-    InputError
-        If it is none of the kinds that `find_detector` names.
-    """
+    """Return what a user's function found as `Keypoints`; it must be of the kinds that `find_detector` names."""
     if isinstance(found, Keypoints):
         return found
     if isinstance(found, tuple) and len(found) == 2 and not hasattr(found[0], "pt"):

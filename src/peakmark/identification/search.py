@@ -94,20 +94,8 @@ def find_markers(
 
     At most `LONGEST_LIST` features above the oblique line are aligned, the promising ones first, and again from other
     sizes where that does not converge. Features on a marker already found are passed over: most are its corners and
-    ghosts.
-
-    Parameters
-    ----------
-    gray
-        (H, W) uint8, unstretched.
-    features
-        Strongest first, in the coordinates of `gray`.
-    distances
-        (n,) signature distances.
-    stretch
-        With which the features were found.
-    polarity, limit
-        Of the printed markers.
+    ghosts. The features come strongest first, in the coordinates of the unstretched image, with the stretch under which
+    they were found and their (n,) signature distances.
     """
     quotients = response_quotients(gray, features, stretch)
     likelihoods = quotients - model.SIGNATURE_SLOPE * (distances - 0.3)
@@ -142,13 +130,7 @@ def are_covered(xy: NDArray[np.float32], found: Sequence[Detection]) -> NDArray[
 
 
 def search_image(gray: NDArray[np.uint8], classifier: Classifier | None = None) -> SearchResult:
-    """Return the dark and light markers of a grey image (H, W), any number of each.
-
-    Raises
-    ------
-    InputError
-        If the image is not one that `surf.detect` takes.
-    """
+    """Return the dark and light markers of a grey image (H, W), any number of each."""
     return search_features(gray, detect_features(gray), classifier)
 
 

@@ -94,14 +94,7 @@ def estimate_pose(
 ) -> PoseEstimate | None:
     """Return the pose that explains markers best, and its rival; None where OpenCV finds none.
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    seen
-        What is to be explained.
-    xy, points_m
-        (k, 2) px and (k, 3) world, k ≥ 4 and not on a line: points from which the search starts.
+    The search starts from the points (k, 2) px and (k, 3) world, k ≥ 4 and not on a line.
     """
     fits = [refine_pose(camera, start, seen) for start in candidate_poses(camera, xy, points_m)]
     ranked = sorted(fits, key=lambda fit: fit.cost)
@@ -131,6 +124,11 @@ def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) 
 def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
     """Return a pose after a (6,) step in its own frame: rotation vector in radians, translation in metres."""
     return np.asarray(pose @ compose(cv2.Rodrigues(step[:3])[0], step[3:]))
+
+
+def level_tangents(side_m: float, count: int) -> Values:
+    """Return the (count, 3, 2) tangents, see `Correspondences`, of markers on a level floor."""
+    return np.broadcast_to(side_m * np.eye(3)[:, :2], (count, 3, 2))
 
 
 def expected_shapes(

@@ -58,14 +58,7 @@ class Tracks:
 def follow(before: Tracks, xy: ArrayLike, size: ArrayLike) -> tuple[Tracks, NDArray[np.intp]]:
     """Return the tracks after one more frame, and the (n,) track id of each detection.
 
-    Parameters
-    ----------
-    before
-        Tracks up to the frame before.
-    xy
-        (n, 2) detected centres, px; (0, 2) where nothing was seen.
-    size
-        (n,) their sides, px.
+    `xy` are the (n, 2) detected centres, px, (0, 2) where nothing was seen, and `size` their (n,) sides, px.
     """
     seen, sizes = np.asarray(xy, dtype=np.float64).reshape(-1, 2), np.asarray(size, dtype=np.float64).reshape(-1)
     positions = np.array([track.xy for track in before.tracks]).reshape(-1, 2)

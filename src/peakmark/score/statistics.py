@@ -129,18 +129,9 @@ class Bin:
 def recall_by(
     edges: Sequence[float], quantity: ArrayLike, errors_px: ArrayLike, percents: tuple[int, ...] = (50, 95)
 ) -> list[Bin]:
-    """Return one row for each bin that holds markers.
+    """Return one row for each bin, between rising edges, that holds markers.
 
-    Parameters
-    ----------
-    edges
-        Of the bins, rising.
-    quantity
-        (n,) of the markers that count.
-    errors_px
-        (n,) their localisation errors, nan where a marker was not found.
-    percents
-        Quantiles of the errors.
+    `quantity` is that of the (n,) markers that count, `errors_px` their localisation errors, nan where not found.
     """
     values, errors = np.asarray(quantity, dtype=np.float64), np.asarray(errors_px, dtype=np.float64)
     rows = []

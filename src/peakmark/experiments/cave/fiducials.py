@@ -20,8 +20,8 @@ from peaksim.scene.texture import Texture
 
 from peakmark.arrays.decode import decode_arrays
 from peakmark.detectors.tags import tag_detector, tag_dictionary
-from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import photographs
+from peakmark.experiments.option import check_range
 from peakmark.identification.search import search_image
 from peakmark.markers.array_code import THREE_BIT, polarities_of
 from peakmark.markers.patterns import Polarity, surf_marker
@@ -117,17 +117,9 @@ def conditions() -> list[tuple[str, float, SheetCondition]]:
 
 
 def compare_designs(trials: int, seed: int, on_condition: Callable[[], None] = lambda: None) -> list[DesignComparison]:
-    """Return one row a condition and design, with counts over the trials.
-
-    Raises
-    ------
-    InputError
-        If the number of trials is not in 1…100000, or the seed is negative.
-    """
-    if not 1 <= trials <= 100_000:
-        raise InputError(f"--trials: expected 1…100000, got {trials}")
-    if seed < 0:
-        raise InputError(f"--seed: expected 0 or more, got {seed}")
+    """Return one row a condition and design, with counts over 1…100000 trials."""
+    check_range("trials", trials, 1, 100_000)
+    check_range("seed", seed, 0)
     rows = []
     for number, (quantity, value, condition) in enumerate(conditions()):
         for design in DESIGNS:

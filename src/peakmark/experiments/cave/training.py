@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.samples import Samples, collect_samples, join_samples
-from peakmark.identification.classifier import COLUMNS, Classifier
+from peakmark.experiments.option import check_range
+from peakmark.identification.classifier import COLUMNS, Classifier, Layer
 from peakmark.identification.model import LAYERS
 from peakmark.score.wanted import READABLE
 
@@ -45,12 +46,9 @@ class TrainingConfig:
 
     def __post_init__(self) -> None:
         for name in ("training_rooms", "held_out_rooms", "views"):
-            if not 1 <= getattr(self, name) <= 10_000:
-                raise InputError(f"--{name.replace('_', '-')}: expected 1…10000, got {getattr(self, name)}")
-        if not 1 <= self.layers <= 20:
-            raise InputError(f"--layers: expected 1…20, got {self.layers}")
-        if self.seed < 0:
-            raise InputError(f"--seed: expected 0 or more, got {self.seed}")
+            check_range(name.replace("_", "-"), getattr(self, name), 1, 10_000)
+        check_range("layers", self.layers, 1, 20)
+        check_range("seed", self.seed, 0)
 
 
 @dataclass(frozen=True)
@@ -82,10 +80,7 @@ def samples_of(config: TrainingConfig, on_room: Callable[[], None] = lambda: Non
 def train(samples: Samples) -> dict[str, Classifier]:
     """Return one classifier a kind: thresholds on one column, the paper's oblique line, all columns, nonlinear.
 
-    Raises
-    ------
-    InputError
-        If scikit-learn is not installed.
+    Needs scikit-learn; without it an `InputError` says so.
     """
     if find_spec("sklearn") is None:
         raise InputError("training needs scikit-learn: pip install 'peakmark[train]'")
@@ -104,7 +99,8 @@ def _linear(samples: Samples, columns: list[str]) -> Classifier:
 
     mean, scale, values = _standardised(samples, columns)
     fit = LogisticRegression(C=100.0, max_iter=2000).fit(values, samples.is_marker)
-    return _at_operating_point(Classifier(tuple(columns), mean, scale, ((fit.coef_.T, fit.intercept_),), 0.0), samples)
+    layers = (Layer(fit.coef_.T, fit.intercept_),)
+    return _at_operating_point(Classifier(tuple(columns), mean, scale, layers, 0.0), samples)
 
 
 def _nonlinear(samples: Samples, columns: list[str]) -> Classifier:
@@ -114,7 +110,7 @@ def _nonlinear(samples: Samples, columns: list[str]) -> Classifier:
     mean, scale, values = _standardised(samples, columns)
     network = MLPClassifier((HIDDEN,), activation="tanh", solver="lbfgs", alpha=1e-2, max_iter=2000, random_state=0)
     network.fit(values, samples.is_marker)
-    layers = tuple(zip(network.coefs_, network.intercepts_, strict=True))
+    layers = tuple(map(Layer, network.coefs_, network.intercepts_))
     return _at_operating_point(Classifier(tuple(columns), mean, scale, layers, 0.0), samples)
 
 

@@ -19,7 +19,7 @@ from peakmark.experiments.cave.training import (
     samples_of,
     train,
 )
-from peakmark.identification.classifier import Classifier
+from peakmark.plain import to_plain
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.results import result_folder, write_json
@@ -71,12 +71,7 @@ def run_training(
 ) -> TrainingResult:
     """Train and evaluate, write everything into `out`, and return what `result.json` holds.
 
-    With `is_reused` the samples that `out` holds are taken instead of rendering rooms.
-
-    Raises
-    ------
-    InputError
-        If `out` cannot be written, or holds no samples to reuse.
+    With `is_reused` the samples that `out` holds are taken instead of rendering rooms; without any an `InputError`.
     """
     with result_folder(out) as folder:
         if is_reused:
@@ -86,9 +81,12 @@ def run_training(
             save_samples(folder / "training.npz", training)
             save_samples(folder / "held_out.npz", held_out)
         classifiers = train(training)
-        rows = {name: _record(classifier, held_out, training) for name, classifier in classifiers.items()}
+        rows = {
+            name: ClassifierRecord(evaluate_classifier(c, held_out), evaluate_classifier(c, training), c.threshold)
+            for name, c in classifiers.items()
+        }
         result = TrainingResult(config, SHIPPED, _counts(training), _counts(held_out), rows)
-        write_json(folder / "classifier.json", {**classifiers[SHIPPED].to_json(), "origin": _origin(result)})
+        write_json(folder / "classifier.json", {**to_plain(classifiers[SHIPPED]), "origin": _origin(result)})
         figure, ax = plots.new_figure()
         plots.roc(ax, {name: roc_rates(classifier, held_out) for name, classifier in classifiers.items()})
         plots.save(figure, folder / "roc.png")
@@ -99,14 +97,6 @@ def run_training(
         write_report(folder / "report.html", "Key points → markers", _lead(result), sections)
         write_json(folder / "result.json", result)
     return result
-
-
-def _record(classifier: Classifier, held_out: Samples, training: Samples) -> ClassifierRecord:
-    return ClassifierRecord(
-        held_out=evaluate_classifier(classifier, held_out),
-        training=evaluate_classifier(classifier, training),
-        threshold=classifier.threshold,
-    )
 
 
 def _counts(samples: Samples) -> SampleCounts:

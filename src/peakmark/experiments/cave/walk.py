@@ -1,7 +1,7 @@
 """The SIFT/SURF CAVE (paper, Section 4.2, Figures 13–15): 3-bit arrays on the walls of a room, read and scored."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from time import perf_counter
 
 import numpy as np
@@ -14,16 +14,16 @@ from peaksim.scene.scene import Scene
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
+from peakmark.experiments.option import check_choice, check_range
 from peakmark.identification.search import SearchResult, detect_features, search_features
 from peakmark.keypoints.image import as_gray
 from peakmark.localise.from_arrays import Place, pose_from_arrays
 from peakmark.localise.pose import PoseEstimate
+from peakmark.plain import INLINED
 from peakmark.score.arrays import ArrayScore, PrintedArray, printed_arrays, score_arrays
 from peakmark.score.markers import Score, score_frame
 from peakmark.score.poses import pose_error
 from peakmark.score.wanted import READABLE
-
-MOST_FRAMES = 100_000
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,9 @@ class CaveConfig:
     """Frames along the trajectory; 1 takes its first pose."""
 
     def __post_init__(self) -> None:
-        for name, value, fits, expected in (
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("frames", self.frames, 1 <= self.frames <= MOST_FRAMES, f"1…{MOST_FRAMES}"),
-            ("renderer", self.renderer, self.renderer in ("auto", "gl", "exact"), "auto, gl or exact"),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("seed", self.seed, 0)
+        check_range("frames", self.frames, 1, 100_000)
+        check_choice("renderer", self.renderer, ("auto", "gl", "exact"))
 
 
 @dataclass(frozen=True)
@@ -89,7 +85,7 @@ class Counts:
     """The same by the paper's rule."""
 
 
-COUNTS = tuple(field.name for field in fields(Counts))
+COUNTS = tuple(each.name for each in fields(Counts))
 
 
 def total(counts: Sequence[Counts]) -> Counts:
@@ -105,7 +101,7 @@ class CaveFrame:
     time_on_path_s: float
     """Number from 0, and when it was taken."""
     features: int
-    counts: Counts
+    counts: Counts = field(metadata=INLINED)
     """Number of key points, and what adds up over frames."""
     codes: tuple[int, ...]
     """That were read, rightly or wrongly."""
@@ -162,8 +158,8 @@ class CaveView:
     def counts(self) -> Counts:
         """Return what can be added up over frames."""
         return Counts(
-            markers_in_view=self.markers.wanted,
-            markers_found=self.markers.found,
+            markers_in_view=self.markers.markers_in_view,
+            markers_found=self.markers.markers_found,
             false_detections=self.markers.false_detections,
             polarity_errors=self.markers.polarity_errors,
             polarity_errors_by_signature=self.markers.signature_errors,
@@ -179,8 +175,7 @@ class CaveView:
 def array_map(printed: Sequence[PrintedArray]) -> dict[int, Place]:
     """Return code → where its array hangs; a code that hangs twice is left out."""
     codes = [array.code for array in printed]
-    once = [array for array in printed if codes.count(array.code) == 1]
-    return {array.code: Place(array.centers_m, array.axes, array.side_m) for array in once}
+    return {array.code: array.place for array in printed if codes.count(array.code) == 1}
 
 
 def read_frame(frame: Frame, places: Mapping[int, Place]) -> Reading:
@@ -232,13 +227,7 @@ def render_walk(setup: Setup, config: CaveConfig) -> Iterator[CaveView]:
 
 
 def open_cave(config: CaveConfig) -> Setup:
-    """Load the configuration's scene.
-
-    Raises
-    ------
-    InputError
-        If the scene is faulty or has no array.
-    """
+    """Load the configuration's scene; one without an array is an `InputError`."""
     setup = load_scene(config.scene)
     if not printed_arrays(setup.scene):
         raise InputError(f"--scene {config.scene}: expected posters with 3-bit arrays, found none")

@@ -1,7 +1,7 @@
 """Writes what the CAVE experiment found: images, film, tables, report.html and result.json."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -22,13 +22,13 @@ from peakmark.experiments.cave.walk import (
     total,
 )
 from peakmark.identification.detection import Detection
-from peakmark.plain import inlined
+from peakmark.plain import INLINED
 from peakmark.report import plots
 from peakmark.report.overlay import box_around, draw_arrays
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 from peakmark.report.views import write_views
-from peakmark.score.markers import at_markers
+from peakmark.score.markers import MarkerScore, at_markers
 
 _MOST_CUT_OUTS = 8
 """Arrays that Figure 15 shows: two lines of four."""
@@ -38,7 +38,7 @@ _MOST_CUT_OUTS = 8
 class CaveResult:
     """What `result.json` holds, the counts inlined: a frame's figures, or sums of counts and medians over several."""
 
-    counts: Counts
+    counts: Counts = field(metadata=INLINED)
     """Sums over the frames."""
     codes: list[int]
     """That were read in any frame, each once."""
@@ -86,9 +86,9 @@ def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = 
         first, figures = write_views(folder, render_walk(setup, config), draw_view, figures_of, film, keep)
         result = summarise_frames(records, config, load_s)
         if config.frames > 1:
-            write_rows(folder / "frames.csv", [inlined(record, "counts") for record in records])
+            write_rows(folder / "frames.csv", records)
         _write_report(folder, first, result, figures)
-        write_json(folder / "result.json", inlined(result, "counts"))
+        write_json(folder / "result.json", result)
     return result
 
 
@@ -201,23 +201,13 @@ def _write_report(folder: Path, first: CaveView, result: CaveResult, figures: di
 def marker_table(view: CaveView) -> Table:
     """Return one row a marker: truth beside what was found."""
     head = ("marker", "side (px)", "distance (m)", "tilt (°)", "found", "error (px)", "polarity", "by signature")
+    return Table(head, [_marker_row(marker) for marker in view.markers.markers[:200]])
+
+
+def _marker_row(m: MarkerScore) -> tuple[Any, ...]:
     words = {True: "right", False: "wrong", None: None}
-    return Table(
-        head,
-        [
-            (
-                m.name,
-                m.side_px,
-                m.distance_m,
-                m.tilt_deg,
-                "yes" if m.is_found else "no",
-                m.error_px,
-                words[m.is_polarity_right],
-                words[m.is_signature_right],
-            )
-            for m in view.markers.markers[:200]
-        ],
-    )
+    found = ("yes" if m.is_found else "no", m.error_px, words[m.is_polarity_right], words[m.is_signature_right])
+    return (m.name, m.side_px, m.distance_m, m.tilt_deg, *found)
 
 
 def result_rows(result: CaveResult) -> list[tuple[str, Any]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from peakmark.detectors.registry import find_detector
 from peakmark.errors import InputError
 from peakmark.experiments.detectability.conditions import SIFT_SIDES, Condition
+from peakmark.experiments.option import check_range
 
 SURF_SIDE_PX = 147.0
 """Side of the SURF marker where it is not the axis (the paper's)."""
@@ -59,9 +60,9 @@ class DetectabilityConfig:
     """One centred image a point, as the paper's figures have it, instead of random ones."""
 
     def __post_init__(self) -> None:
-        for name, value, low in (("trials", self.trials, 1), ("every", self.every, 1), ("seed", self.seed, 0)):
-            if value < low:
-                raise InputError(f"--{name}: expected {low} or more, got {value}")
+        check_range("trials", self.trials, 1)
+        check_range("every", self.every, 1)
+        check_range("seed", self.seed, 0)
         for name in self.only:
             if name not in EXPERIMENTS:
                 raise InputError(f"--only: expected some of {', '.join(EXPERIMENTS)}, got {name!r}")
@@ -250,7 +251,7 @@ def map_series(tilt_deg: float, noise: float) -> str:
 
 def _axis(name: str, every: int) -> list[Point]:
     field_name, values = _AXES[name]
-    return _along(name, field_name, np.asarray(values, dtype=np.float64)[::every])
+    return _along(name, field_name, np.asarray(values, dtype=type(getattr(Condition, field_name)))[::every])
 
 
 def _noise(every: int) -> list[Point]:
@@ -260,16 +261,8 @@ def _noise(every: int) -> list[Point]:
     return surf + _along("noise", "noise", values, "", SIFT_KINDS)
 
 
-def _jpeg(every: int) -> list[Point]:
-    qualities = (100, 90, 75, 50, 30, 20, 10, 5, 2)[::every]
-    return [
-        Point("jpeg", float(quality), replace(condition, jpeg_quality=quality), detectors)
-        for condition, detectors in _markers()
-        for quality in qualities
-    ]
-
-
 _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
+    "jpeg": ("jpeg_quality", (100, 90, 75, 50, 30, 20, 10, 5, 2)),
     "defocus": ("defocus_px", (0, 2, 4, 6, 9, 12, 16, 20, 25, 30, 40)),
     "motion": ("motion_px", (0, 5, 10, 15, 20, 30, 40, 50, 60, 80)),
     "exposure": ("exposure", (0.05, 0.1, 0.2, 0.4, 0.7, 1, 1.4, 2, 3, 4)),
@@ -283,7 +276,6 @@ EXPERIMENTS: dict[str, Callable[[int], list[Point]]] = {
     "noise": _noise,
     "bias": _bias,
     "contrast": _contrast,
-    "jpeg": _jpeg,
     **{name: partial(_axis, name) for name in _AXES},
     "vignetting": _vignetting,
     "background": _photographs,

@@ -99,17 +99,7 @@ class Flown:
 
 
 def track_frames(records: Sequence[FrameRecord], camera: Camera, floor_map: FloorMap | None) -> list[FlownFrame]:
-    """Return the frames of a flight with their tracks and poses.
-
-    Parameters
-    ----------
-    records
-        Of all frames, in order.
-    camera
-        That took them.
-    floor_map
-        Of the markers; None leaves poses and motion out.
-    """
+    """Return the frames of a flight, from all records in order, with their tracks, and on a map also their poses."""
     detections = [columns(record) for record in records]
     ids = track_ids(detections)
     located = locations(detections, camera, floor_map) if floor_map else [(None, False)] * len(records)

@@ -11,6 +11,7 @@ from peakmark.experiments.floor.flight import FlightConfig
 from peakmark.experiments.floor.flight_figures import (
     BINS,
     DetectionFigures,
+    FlightResult,
     PoseFigures,
     detection_figures,
     distance_figures,
@@ -19,7 +20,6 @@ from peakmark.experiments.floor.flight_figures import (
     recall_bins,
 )
 from peakmark.experiments.floor.flight_records import FrameRecord, columns
-from peakmark.experiments.floor.flight_summary import FlightResult
 from peakmark.experiments.floor.flight_tracking import Flown, distances, true_distances
 from peakmark.plain import plain_fields
 from peakmark.score.statistics import Quantiles, Rate, quantiles, rate

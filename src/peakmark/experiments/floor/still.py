@@ -1,6 +1,6 @@
 """Robotic navigation (paper, Section 4.2, Figures 10–12): a floor with a path of markers, detected and scored."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import get_args
@@ -11,11 +11,11 @@ from peaksim.camera.sensor import apply_sensor
 from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 
-from peakmark.errors import InputError
-from peakmark.experiments.floor.view import FloorView, ViewRow, score_view
+from peakmark.experiments.floor.view import FloorView, score_view
+from peakmark.experiments.option import check_choice, check_range
 from peakmark.identification.api import Rule
 from peakmark.identification.stretch import LARGEST, SMALLEST
-from peakmark.score.markers import Localisation, localisation
+from peakmark.score.markers import Localisation, ScoreSummary, localisation
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,11 @@ class FloorConfig:
     """How key points become markers."""
 
     def __post_init__(self) -> None:
-        for name, value, fits, expected in (
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("frames", self.frames, 1 <= self.frames <= 1_000_000, "1…1000000"),
-            ("stretch", self.stretch, SMALLEST <= self.stretch <= LARGEST, "0.25…8"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl or exact"),
-            ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("seed", self.seed, 0)
+        check_range("frames", self.frames, 1, 1_000_000)
+        check_range("stretch", self.stretch, SMALLEST, LARGEST)
+        check_choice("renderer", self.renderer, ("auto", "gl", "exact"))
+        check_choice("rule", self.rule, get_args(Rule))
 
 
 def open_scene(config: FloorConfig) -> Setup:
@@ -86,32 +82,13 @@ class Totals:
     """Over all found markers."""
 
 
-class Tally:
-    """The figures of the frames of a trajectory, small enough for any number of them."""
-
-    def __init__(self) -> None:
-        self.rows: list[ViewRow] = []
-        self.errors: list[NDArray[np.float64]] = []
-
-    def add(self, view: FloorView) -> None:
-        """Count one view."""
-        self.rows.append(view.row())
-        truth = {t.name: t for t in view.frame.truth}
-        for name, index in view.score.matches.items():
-            self.errors.append(view.found.detections[index].xy - truth[name].center_xy)
-
-    def totals(self) -> Totals:
-        """Return sums of counts, the smallest drop, and the localisation over all found markers."""
-        scores = [row.score for row in self.rows]
-        return Totals(
-            markers_in_view=sum(score.markers_in_view for score in scores),
-            markers_found=sum(score.markers_found for score in scores),
-            false_detections=sum(score.false_detections for score in scores),
-            false_above_last_marker=sum(score.false_above_last_marker or 0 for score in scores),
-            response_drop=min((s.response_drop for s in scores if s.response_drop is not None), default=None),
-            localisation_px=localisation(np.array(self.errors).reshape(-1, 2)),
-        )
-
-    def seconds(self) -> dict[str, float]:
-        """Return the seconds of each stage over all frames."""
-        return {stage: sum(row.time_s[stage] for row in self.rows) for stage in self.rows[0].time_s}
+def totals_of(scores: Sequence[ScoreSummary], errors_px: Sequence[NDArray[np.float64]]) -> Totals:
+    """Return sums of counts, the smallest drop, and the localisation from the (2,) errors of all found markers."""
+    return Totals(
+        markers_in_view=sum(score.markers_in_view for score in scores),
+        markers_found=sum(score.markers_found for score in scores),
+        false_detections=sum(score.false_detections for score in scores),
+        false_above_last_marker=sum(score.false_above_last_marker or 0 for score in scores),
+        response_drop=min((s.response_drop for s in scores if s.response_drop is not None), default=None),
+        localisation_px=localisation(np.array(errors_px).reshape(-1, 2)),
+    )

@@ -1,6 +1,6 @@
 """Writes what the floor experiment found: images, film, tables, report.html and result.json."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth, error_budget
 
-from peakmark.experiments.floor.still import FloorConfig, Tally, Totals, open_scene, render_views
+from peakmark.experiments.floor.still import FloorConfig, Totals, open_scene, render_views, totals_of
 from peakmark.experiments.floor.view import FloorView, ViewRow
 from peakmark.experiments.run import OnStep
 from peakmark.identification.paper import SIGNATURE_LIMIT
-from peakmark.plain import inlined
+from peakmark.plain import INLINED
 from peakmark.report import plots
-from peakmark.report.overlay import draw_overlay
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 from peakmark.report.views import curve_section, write_views
@@ -28,7 +27,7 @@ class FloorResult:
 
     features: int
     """Key points; of several frames the median."""
-    score: ScoreSummary | Totals
+    score: ScoreSummary | Totals = field(metadata=INLINED)
     """Of the one frame, or over all."""
     frames: int
     renderer: str
@@ -40,10 +39,6 @@ class FloorResult:
     time_s: dict[str, float]
     """Seconds for "load", "render" (with the sensor), "detect" and "identify", over all frames."""
     peak_memory_mb: float
-
-    def to_plain(self) -> dict[str, Any]:
-        """Return what result.json holds."""
-        return inlined(self, "score")
 
 
 def run_floor(config: FloorConfig, out: str | Path, on_step: OnStep = lambda done, of: None) -> FloorResult:
@@ -61,35 +56,32 @@ def run_floor(config: FloorConfig, out: str | Path, on_step: OnStep = lambda don
         setup = open_scene(config)
         load_s = perf_counter() - start
         on_step(0, config.frames)
-        tally = Tally()
+        rows: list[ViewRow] = []
+        errors_px: list[NDArray[np.float64]] = []
 
         def count(view: FloorView) -> None:
-            tally.add(view)
-            on_step(len(tally.rows), config.frames)
+            rows.append(view.row())
+            errors_px.extend(view.errors_px())
+            on_step(len(rows), config.frames)
 
         film = "flight.mp4" if config.frames > 1 else None
-        first, images = write_views(folder, render_views(setup, config), overlay, figures_of, film, count)
+        first, images = write_views(folder, render_views(setup, config), FloorView.overlay, figures_of, film, count)
         result = FloorResult(
-            features=int(np.median([row.features for row in tally.rows])),
-            score=tally.totals() if config.frames > 1 else first.score.summary(),
+            features=int(np.median([row.features for row in rows])),
+            score=totals_of([row.score for row in rows], errors_px) if config.frames > 1 else first.score.summary(),
             frames=config.frames,
             renderer=first.frame.renderer,
             gl_renderer=first.frame.gl_renderer,
             seed=config.seed,
             config=config,
-            time_s={"load": load_s, **tally.seconds()},
+            time_s={"load": load_s, **{stage: sum(row.time_s[stage] for row in rows) for stage in rows[0].time_s}},
             peak_memory_mb=peak_memory_mb(),
         )
         if config.frames > 1:
-            write_rows(folder / "frames.csv", tally.rows)
-        _write_report(folder, first, tally.rows, result, images)
+            write_rows(folder / "frames.csv", rows)
+        _write_report(folder, first, rows, result, images)
         write_json(folder / "result.json", result)
     return result
-
-
-def overlay(view: FloorView) -> NDArray[np.uint8]:
-    """Return the frame with ranks (Figure 10)."""
-    return draw_overlay(view.frame.image, view.frame.truth, view.found.detections, view.score)
 
 
 def figures_of(view: FloorView) -> dict[str, Any]:

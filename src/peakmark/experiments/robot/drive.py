@@ -8,7 +8,6 @@ The controller knows the camera's height and pitch, its own wheels' distance, an
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from peakmark.errors import InputError
 from peakmark.experiments.floor.flight import score_flight_view
 from peakmark.experiments.floor.flight_records import FrameRecord, record_of
 from peakmark.experiments.floor.view import FloorView, faster_renderer
+from peakmark.experiments.option import check_choice, check_range
 from peakmark.experiments.robot.robot import (
     NOISE_S,
     STOP,
@@ -95,19 +95,13 @@ class DriveConfig:
     """How it follows the markers."""
 
     def __post_init__(self) -> None:
-        longest_gap, end = 0.8 * self.length_m, self.length_m if self.line_ends_m is None else self.line_ends_m
-        second = FIRST_M + self.spacing_m
-        for name, value, fits, expected in (
-            ("paths", self.paths, 1 <= self.paths <= 10_000, "1…10000"),
-            ("length", self.length_m, 1 <= self.length_m <= 100, "1…100 m"),
-            ("spacing", self.spacing_m, 0.15 <= self.spacing_m <= longest_gap, f"0.15…{longest_gap:g} m"),
-            ("line-ends", end, second <= end <= self.length_m, f"{second:g}…{self.length_m:g} m"),
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("rate", self.frames_per_second, 1 <= self.frames_per_second <= 50, "1…50 frames a second"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl or exact"),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("paths", self.paths, 1, 10_000)
+        check_range("length", self.length_m, 1, 100, " m")
+        check_range("spacing", self.spacing_m, 0.15, 0.8 * self.length_m, " m")
+        check_range("line-ends", self.line_ends_m, FIRST_M + self.spacing_m, self.length_m, " m")
+        check_range("seed", self.seed, 0)
+        check_range("rate", self.frames_per_second, 1, 50, " frames a second")
+        check_choice("renderer", self.renderer, ("auto", "gl", "exact"))
 
 
 @dataclass(frozen=True)
@@ -135,10 +129,7 @@ class DriveFrame:
 def build_path(config: DriveConfig, number: int) -> DrivePath:
     """Return one of the random paths, on the floor of the scene.
 
-    Raises
-    ------
-    InputError
-        One line for a faulty scene, or one without exactly one marker path to take the markers' kind and size from.
+    The scene must have exactly one marker path, from which the markers' kind and size are taken; else an `InputError`.
     """
     path = winding_path(config.length_m, np.random.default_rng((config.seed, number)))
     table, folder = read_table(config.scene)
