@@ -58,8 +58,8 @@ def find_detector(name: str, describe: bool = True) -> Detector:
         return partial(_detect_with, import_function(name))
     if name not in NAMES:
         raise InputError(f"detector: expected one of {', '.join(NAMES)}, cv2:NAME or module:function, got {name!r}")
-    if name == "surf-opencv":
-        _require_opencv_surf()
+    if name == "surf-opencv" and not has_opencv_surf():
+        raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
     if name == "vlfeat":
         require_vlfeat()
 
@@ -163,11 +163,6 @@ def _strongest_first(keypoints: Keypoints) -> Keypoints:
 def _opencv() -> Any:
     """Return cv2, whose type stubs leave out some detectors."""
     return cv2
-
-
-def _require_opencv_surf() -> None:
-    if not has_opencv_surf():
-        raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
 
 
 def _opencv_maker(name: str) -> Callable[..., Any]:

@@ -47,10 +47,8 @@ class SearchResult:
     """(n, c) columns, see `classifier.COLUMNS`."""
     scores: NDArray[np.float64]
     """(n,) the classifier's."""
-    candidates: NDArray[np.intp]
-    """(k,) rows of the features above the operating point, best first, after non-maximum suppression."""
     detections: tuple[Detection, ...]
-    """The candidates that the printed pattern explains, strongest first; `rank` − 1 is the row of the feature."""
+    """Those above the operating point that the printed pattern explains, strongest first; their row is `rank` − 1."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +157,7 @@ def search_features(gray: NDArray[np.uint8], features: Keypoints, classifier: Cl
         refined = refine(gray, features.xy[own], SIDE_OF_SCALE * features.scale[own], pattern_name(polarity, "energy"))
         candidates = Candidates(own, evidence[own, QUOTIENT], evidence[own, DISTANCE], refined)
         found += accepted(features, candidates, model.BOTH, polarity)
-    return SearchResult(features, evidence, scores, rows, one_a_marker(found))
+    return SearchResult(features, evidence, scores, one_a_marker(found))
 
 
 def accepted(

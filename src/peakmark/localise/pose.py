@@ -43,11 +43,6 @@ class PoseFit:
     cost: float
     """Half the sum of squared whitened errors, shapes included: a negative log-likelihood."""
 
-    @property
-    def rms_px(self) -> float:
-        """Root mean square distance of seen and projected centres."""
-        return float(np.sqrt((self.errors_px**2).sum(axis=1).mean()))
-
 
 @dataclass(frozen=True)
 class PoseEstimate:

@@ -47,7 +47,7 @@ def write(pages: Sequence[Page], stem: Path, format: str = "pdf", dpi: float = 1
         if format == "svg":
             path.write_text(svg(page), encoding="utf-8")
         else:
-            _write_png(path, page, dpi)
+            Image.fromarray(raster(page, dpi)).save(path, dpi=(dpi, dpi), compress_level=4)
     return tuple(paths)
 
 
@@ -195,10 +195,6 @@ def _blend(
     paint = gray[inner] if isinstance(gray, np.ndarray) else gray
     below = canvas[rows, columns]
     below[:] = np.rint(below + share * (paint - below.astype(np.float32)))
-
-
-def _write_png(path: Path, page: Page, dpi: float) -> None:
-    Image.fromarray(raster(page, dpi)).save(path, dpi=(dpi, dpi), compress_level=4)
 
 
 def _check_pixels(page: Page, dpi: float) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
 
+from peakmark.arrays.decode import MarkerArray
 from peakmark.experiments.cave.walk import (
     COUNTS,
     CaveConfig,
@@ -21,7 +22,6 @@ from peakmark.experiments.cave.walk import (
     render_walk,
     total,
 )
-from peakmark.identification.detection import Detection
 from peakmark.plain import INLINED
 from peakmark.report import plots
 from peakmark.report.overlay import box_around, draw_arrays
@@ -147,8 +147,7 @@ def polarity_figure(view: CaveView) -> Any:
 
     image, detections = view.frame.image, view.reading.found.detections
     size = (image.shape[1], image.shape[0])
-    parts = [(_title(a.code), box_around(*_around(a.detections), size)) for a in view.reading.arrays[:_MOST_CUT_OUTS]]
-    parts = parts or [("no array", (0, 0, *size))]
+    parts = [_cut_out(array, size) for array in view.reading.arrays[:_MOST_CUT_OUTS]] or [("no array", (0, 0, *size))]
     columns = min(4, len(parts))
     rows = -(-len(parts) // columns)
     figure = Figure(figsize=(8, (8 / columns + 0.3) * rows), layout="constrained")
@@ -161,12 +160,11 @@ def polarity_figure(view: CaveView) -> Any:
     return figure
 
 
-def _title(code: int | None) -> str:
-    return "unsure" if code is None else f"array {code} = {code:03b}"
-
-
-def _around(detections: Sequence[Detection]) -> tuple[NDArray[np.float64], float]:
-    return np.array([d.xy for d in detections]), 1.5 * float(np.mean([d.size for d in detections]))
+def _cut_out(array: MarkerArray, size: tuple[int, int]) -> tuple[str, tuple[int, int, int, int]]:
+    """Return an array's title, and the box around it in an image of (width, height)."""
+    title = "unsure" if array.code is None else f"array {array.code} = {array.code:03b}"
+    margin_px = 1.5 * float(np.mean([d.size for d in array.detections]))
+    return title, box_around(np.array([d.xy for d in array.detections]), margin_px, size)
 
 
 def _write_report(folder: Path, first: CaveView, result: CaveResult, figures: dict[str, str]) -> None:

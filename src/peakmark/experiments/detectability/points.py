@@ -37,7 +37,6 @@ PAPER_EXPERIMENTS = ("scale", "turn", "tilt", "noise")
 
 _SURF_DETECTORS = ("surf-paper", "surf")
 _SIFT_IMAGE_PX = 257
-_LARGEST_ROTATION_DEG = 180
 _TILTS_DEG = np.array([0, 15, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80], float)
 _NEAR_TILTS_DEG = np.array([0, 15, 25, 30, 35, 45, 55, 65, 75, 80], float)
 
@@ -93,18 +92,15 @@ def points(config: DetectabilityConfig) -> list[Point]:
     """Return all points of a configuration, experiment by experiment."""
     names = config.only or (PAPER_EXPERIMENTS if config.is_paper else tuple(EXPERIMENTS))
     chosen = [point for name in names for point in EXPERIMENTS[name](config.every)]
+    as_in_paper: dict[str, Any] = {"is_centred": True, "image_px": PAPER_PX} if config.is_paper else {}
     return [
         replace(
             point,
             detectors=tuple(dict.fromkeys((*point.detectors, *config.extra))),
-            condition=_as_in_paper(point.condition) if config.is_paper else point.condition,
+            condition=replace(point.condition, **as_in_paper),
         )
         for point in chosen
     ]
-
-
-def _as_in_paper(condition: Condition) -> Condition:
-    return replace(condition, is_centred=True, image_px=PAPER_PX)
 
 
 def undistorted(kind: str) -> Condition:
@@ -172,10 +168,6 @@ def _bias(every: int) -> list[Point]:
         Point("bias", float(s), Condition("sift-dark", SIFT_SIDES * s, _image_px(SIFT_SIDES * s)), names)
         for s in sigmas
     ]
-
-
-def _rotation(every: int) -> list[Point]:
-    return _along("turn", "turn_deg", np.arange(0.0, _LARGEST_ROTATION_DEG + 1, 15)[::every])
 
 
 def _tilt(every: int) -> list[Point]:
@@ -251,7 +243,7 @@ def map_series(tilt_deg: float, noise: float) -> str:
 
 def _axis(name: str, every: int) -> list[Point]:
     field_name, values = _AXES[name]
-    return _along(name, field_name, np.asarray(values, dtype=type(getattr(Condition, field_name)))[::every])
+    return _along(name, field_name, np.asarray(values, dtype=int if name == "jpeg" else float)[::every])
 
 
 def _noise(every: int) -> list[Point]:
@@ -262,6 +254,7 @@ def _noise(every: int) -> list[Point]:
 
 
 _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
+    "turn": ("turn_deg", tuple(range(0, 181, 15))),
     "jpeg": ("jpeg_quality", (100, 90, 75, 50, 30, 20, 10, 5, 2)),
     "defocus": ("defocus_px", (0, 2, 4, 6, 9, 12, 16, 20, 25, 30, 40)),
     "motion": ("motion_px", (0, 5, 10, 15, 20, 30, 40, 50, 60, 80)),
@@ -271,12 +264,12 @@ _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 EXPERIMENTS: dict[str, Callable[[int], list[Point]]] = {
     "scale": _scale,
-    "turn": _rotation,
+    "turn": partial(_axis, "turn"),
     "tilt": _tilt,
     "noise": _noise,
     "bias": _bias,
     "contrast": _contrast,
-    **{name: partial(_axis, name) for name in _AXES},
+    **{name: partial(_axis, name) for name in ("jpeg", "defocus", "motion", "exposure")},
     "vignetting": _vignetting,
     "background": _photographs,
     "map": _map,

@@ -174,7 +174,8 @@ def drive(
     state, bias = start(drive_path.path, rng), rng.normal(0, config.robot.wheel_bias, 2)
     commands: list[Command] = []
     frames = []
-    for index in range(_most_frames(config)):
+    most_frames = round(4 * config.length_m / config.steering.speed_m_s * config.frames_per_second) + 20
+    for index in range(most_frames):  # enough at a quarter of the speed
         view = render_view(config, drive_path, state, index)
         commands.append(decide(config, view, commands[-1] if commands else STOP))
         frames.append(DriveFrame(record_of(view), state, commands[-1]))
@@ -225,8 +226,3 @@ def render_view(config: DriveConfig, drive_path: DrivePath, state: State, index:
 def stretch_of(config: DriveConfig) -> Stretch:
     """Return the vertical stretch of each row that the camera's pitch implies."""
     return floor_stretch(config.camera, config.mount.pitch_deg)
-
-
-def _most_frames(config: DriveConfig) -> int:
-    """Return a number of frames that is enough at a quarter of the speed."""
-    return round(4 * config.length_m / config.steering.speed_m_s * config.frames_per_second) + 20
