@@ -137,16 +137,21 @@ def _scale(every: int) -> list[Point]:
     sides = np.unique(np.rint(np.geomspace(8, 260, 54)))[::every]
     sigmas = np.round(np.geomspace(1, 60, 22), 2)[::every]
     surf = [
-        Point("scale", float(s), Condition(kind, float(s), _image_px(s)), _scale_detectors(kind, s))
+        Point("scale", float(s), _sized(kind, float(s)), _scale_detectors(kind, s))
         for kind, step in zip(SURF_KINDS, (1, 2), strict=True)
         for s in sides[::step]
     ]
     sift = [
-        Point("scale", float(s), Condition(kind, SIFT_SIDES * s, _image_px(SIFT_SIDES * s)), ("sift", "surf-paper"))
+        Point("scale", float(s), _sized(kind, SIFT_SIDES * s), ("sift", "surf-paper"))
         for kind, step in zip(SIFT_KINDS, (1, 2), strict=True)
         for s in sigmas[::step]
     ]
     return surf + sift
+
+
+def _sized(kind: str, side_px: float) -> Condition:
+    """Return the condition of a marker of a size, in an image that is just large enough."""
+    return Condition(kind, side_px, _image_px(side_px))
 
 
 def _scale_detectors(kind: str, side_px: float) -> tuple[str, ...]:
@@ -163,11 +168,7 @@ def _image_px(side_px: float) -> int:
 def _bias(every: int) -> list[Point]:
     """Return points for all SIFT detectors; VLFeat's takes part if it is installed."""
     names = ("sift", "sift-opencv", *(("vlfeat",) if find_spec("pycolmap") else ()))
-    sigmas = np.array([4.0, 6.0, 9.0, 13.0])[::every]
-    return [
-        Point("bias", float(s), Condition("sift-dark", SIFT_SIDES * s, _image_px(SIFT_SIDES * s)), names)
-        for s in sigmas
-    ]
+    return [Point("bias", s, _sized("sift-dark", SIFT_SIDES * s), names) for s in (4.0, 6.0, 9.0, 13.0)[::every]]
 
 
 def _tilt(every: int) -> list[Point]:
@@ -231,9 +232,8 @@ def _map(every: int) -> list[Point]:
 
 
 def _map_condition(kind: str, side_px: float, tilt_deg: float, noise: float) -> Condition:
-    return Condition(
-        kind, side_px, _image_px(side_px), tilt_deg=tilt_deg, noise=noise, position_range_px=MAP_POSITION_RANGE_PX
-    )
+    sized = _sized(kind, side_px)
+    return replace(sized, tilt_deg=tilt_deg, noise=noise, position_range_px=MAP_POSITION_RANGE_PX)
 
 
 def map_series(tilt_deg: float, noise: float) -> str:

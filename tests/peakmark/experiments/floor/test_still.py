@@ -14,8 +14,7 @@ from peaksim.scene.file import load_scene
 from PIL import Image
 
 from peakmark.errors import InputError
-from peakmark.experiments.floor.still import FloorConfig, open_scene, render_view, render_views
-from peakmark.experiments.floor.still_results import FloorResult, run_floor
+from peakmark.experiments.floor.still import FloorConfig, FloorResult, open_scene, render_view, render_views, run_floor
 from peakmark.plain import to_plain
 from tests.helpers import needs_gl
 from tests.places import ROOT
