@@ -168,7 +168,8 @@ def _image_px(side_px: float) -> int:
 def _bias(every: int) -> list[Point]:
     """Return points for all SIFT detectors; VLFeat's takes part if it is installed."""
     names = ("sift", "sift-opencv", *(("vlfeat",) if find_spec("pycolmap") else ()))
-    return [Point("bias", s, _sized("sift-dark", SIFT_SIDES * s), names) for s in (4.0, 6.0, 9.0, 13.0)[::every]]
+    sigmas = np.array([4.0, 6.0, 9.0, 13.0])[::every]
+    return [Point("bias", float(s), _sized("sift-dark", SIFT_SIDES * s), names) for s in sigmas]
 
 
 def _tilt(every: int) -> list[Point]:
