@@ -37,7 +37,7 @@ def write_views(
 
     `overlay` draws on a view's frame, (H, W, 3); `figures` makes matplotlib figures by their files' names, without
     suffix; `on_view` is called with each view when it is written. There must be a view; none is kept but the first.
-    Without a name of the film there is none. Returns the first view, and data URIs of "overlay" and each figure.
+    `film` names the film; None makes none. Returns the first view, and data URIs of "overlay" and each figure.
     """
     drawn = filmed(views, overlay, None if film is None else folder / film)
     first, image = next(drawn)

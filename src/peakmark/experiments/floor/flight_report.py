@@ -102,7 +102,7 @@ def result_rows(result: FlightResult) -> list[Row]:
 
 
 def detection_rows(found: DetectionFigures) -> list[Row]:
-    """Return the rows of what was found of the markers, and of what is none."""
+    """Return the rows of recall, precision, false detections and unique detectability."""
     return [
         found.recall.row("recall, markers ≥ 20 px after stretching"),
         found.precision.row("precision"),

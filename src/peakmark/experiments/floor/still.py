@@ -116,9 +116,8 @@ class FloorResult:
     """Of the one frame, or over all."""
     frames: int
     renderer: str
-    """"exact" or "gl"."""
     gl_renderer: str | None
-    """What OpenGL calls itself; None for the exact renderer."""
+    """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
     seed: int
     config: FloorConfig
     time_s: dict[str, float]

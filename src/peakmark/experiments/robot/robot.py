@@ -136,7 +136,7 @@ def seen_from_robot(robot: Robot, mount: Mount, camera: Camera, xy: ArrayLike) -
 
 
 def steer(robot: Robot, steering: Steering, markers_m: NDArray[np.float64], speed_m_s: float) -> Command:
-    """Return what to do at a speed about (n, 2) markers in the robot frame: follow their line, or stop without any."""
+    """Return what to do about (n, 2) markers in the robot frame, at a speed: follow their line; without any, stop."""
     line = next_markers(markers_m)
     if len(line) == 0:
         return STOP
