@@ -9,11 +9,10 @@ from typer import Option
 
 from peakmark.cli.options import NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, print_path, print_table, progress_bar
-from peakmark.experiments.cave import fiducials_results, training_results, walk_results
-from peakmark.experiments.cave.dense_wall_results import compare_walls
+from peakmark.experiments.cave import fiducials, training, walk_results
+from peakmark.experiments.cave.dense_wall import compare_walls
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
-from peakmark.experiments.cave.evaluation_figures import headline
-from peakmark.experiments.cave.evaluation_results import write_evaluation
+from peakmark.experiments.cave.evaluation_results import headline, write_evaluation
 from peakmark.experiments.cave.fiducials import compare_designs, conditions
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.training import TrainingConfig
@@ -87,8 +86,8 @@ def train_classifier(
     config = TrainingConfig(training_rooms, held_out_rooms, views, seed, layers)
     console = Console(quiet=quiet)
     with progress_bar(console, "render rooms", training_rooms + held_out_rooms) as bar:
-        result = training_results.run_training(config, out, reuse, bar.advance)
-    print_table(console, "evaluated on held-out rooms", training_results.HEAD, training_results.table_rows(result))
+        result = training.run_training(config, out, reuse, bar.advance)
+    print_table(console, "evaluated on held-out rooms", training.HEAD, training.table_rows(result))
     print_path(console, out / "report.html")
 
 
@@ -122,7 +121,7 @@ def compare_fiducials(
     console = Console(quiet=quiet)
     with progress_bar(console, "render, detect, score", len(conditions())) as bar:
         rows = compare_designs(trials, seed, bar.advance)
-    fiducials_results.write_comparison(rows, trials, seed, out)
+    fiducials.write_comparison(rows, trials, seed, out)
     title = f"right ids (wrong ones) of {trials} images each · seed {seed}"
-    print_table(console, title, fiducials_results.HEAD, fiducials_results.table_rows(rows))
+    print_table(console, title, fiducials.HEAD, fiducials.table_rows(rows))
     print_path(console, out / "report.html")

@@ -10,7 +10,7 @@ from typer import Option
 from peakmark.cli.options import NoiseSeed, Out, Quiet, Samples
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, print_path, print_table, progress_bar
 from peakmark.errors import InputError
-from peakmark.experiments.floor import flight_report, flight_results, flights_results, still_results
+from peakmark.experiments.floor import flight_report, flight_results, flights_results, still
 from peakmark.experiments.floor.flight import FlightConfig
 from peakmark.experiments.floor.flights import FLIGHTS
 from peakmark.experiments.floor.still import FloorConfig
@@ -73,9 +73,9 @@ def render_floor(
 
 def _render(console: Console, config: FloorConfig, out: Path) -> None:
     with progress_bar(console, _STAGES, config.frames + 1) as bar:
-        result = still_results.run_floor(config, out, lambda done, of: bar.show(done + 1, of + 1))
+        result = still.run_floor(config, out, lambda done, of: bar.show(done + 1, of + 1))
     title = f"{config.scene} · {result.renderer} · seed {config.seed}"
-    print_table(console, title, FIGURES, still_results.result_rows(result))
+    print_table(console, title, FIGURES, still.result_rows(result))
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:

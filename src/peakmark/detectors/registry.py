@@ -58,8 +58,8 @@ def find_detector(name: str, describe: bool = True) -> Detector:
         return partial(_detect_with, import_function(name))
     if name not in NAMES:
         raise InputError(f"detector: expected one of {', '.join(NAMES)}, cv2:NAME or module:function, got {name!r}")
-    if name == "surf-opencv":
-        _require_opencv_surf()
+    if name == "surf-opencv" and not has_opencv_surf():
+        raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
     if name == "vlfeat":
         require_vlfeat()
 
@@ -138,10 +138,7 @@ def opencv_sift(
 def opencv_feature(make: Callable[..., Any], describe: bool, image: ArrayLike, **parameters: Any) -> Keypoints:
     """Key points, strongest first, of what `make(**parameters)` gives, a `cv2.Feature2D`; described if it can.
 
-    Raises
-    ------
-    InputError
-        If OpenCV does not take the parameters.
+    Parameters that OpenCV does not take are an `InputError`.
     """
     cv2 = _opencv()
     try:
@@ -168,11 +165,6 @@ def _opencv() -> Any:
     return cv2
 
 
-def _require_opencv_surf() -> None:
-    if not has_opencv_surf():
-        raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
-
-
 def _opencv_maker(name: str) -> Callable[..., Any]:
     """Return `cv2.NAME_create` of "cv2:NAME"."""
     cv2 = _opencv()
@@ -189,13 +181,7 @@ def _opencv_maker(name: str) -> Callable[..., Any]:
 
 
 def import_function(name: str) -> Callable[..., Any]:
-    """Return the function of "module:function".
-
-    Raises
-    ------
-    InputError
-        If it cannot be imported.
-    """
+    """Return the function of "module:function"; one that cannot be imported is an `InputError`."""
     module_name, _, function_name = name.partition(":")
     try:
         function: Callable[..., Any] = getattr(import_module(module_name), function_name)
@@ -211,13 +197,7 @@ def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters
 
 
 def as_keypoints(found: Any) -> Keypoints:
-    """Return what a user's function found as `Keypoints`.
-
-    Raises
-    ------
-    InputError
-        If it is none of the kinds that `find_detector` names.
-    """
+    """Return what a user's function found as `Keypoints`; it must be of the kinds that `find_detector` names."""
     if isinstance(found, Keypoints):
         return found
     if isinstance(found, tuple) and len(found) == 2 and not hasattr(found[0], "pt"):

@@ -180,16 +180,11 @@ def _half_disc(t: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((t * np.sqrt(1 - t**2) + np.arcsin(t)) / 2)
 
 
-def bordered(image: NDArray[np.uint8], border_px: int, level: int = 255) -> NDArray[np.uint8]:
-    """Return the image inside a border of `border_px` pixels of one grey level, white unless stated."""
-    return np.pad(image, border_px, constant_values=level)
-
-
 def surf_texture(
     polarity: Polarity = "dark", limit: Limit = "energy", cell_px: int = 16, border_cells: int = 1
 ) -> NDArray[np.uint8]:
     """Return a SURF marker with whole pixels a cell in a white border, side (9 + 2 border) · cell_px."""
-    cells = bordered(surf_cells(polarity, limit), border_cells)
+    cells = np.pad(surf_cells(polarity, limit), border_cells, constant_values=255)
     return np.kron(cells, np.ones((cell_px, cell_px), dtype=np.uint8))
 
 

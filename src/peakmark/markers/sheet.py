@@ -75,9 +75,7 @@ class Placed:
     """A marker at its position on a tile or page."""
 
     marker: Print
-    """What is printed."""
     x_mm: float
-    """Centre."""
     y_mm: float
     """Centre."""
 
@@ -99,9 +97,7 @@ class Page:
     """One sheet of paper."""
 
     width_mm: float
-    """Width."""
     height_mm: float
-    """Height."""
     scale_bar_mm: float
     """Length of the scale bar at the bottom."""
     items: tuple[Item, ...]
@@ -111,13 +107,7 @@ class Page:
 
 
 def marker_tile(marker: Print) -> Tile:
-    """Return the tile of a single marker.
-
-    Raises
-    ------
-    InputError
-        If pattern or side cannot be printed.
-    """
+    """Return the tile of a single marker; a pattern or side that cannot be printed is an `InputError`."""
     _check_print(marker)
     half = marker.side_mm / 2
     return Tile(f"{marker.name}, side {marker.side_mm:g} mm", marker.side_mm, (Placed(marker, half, half),))
@@ -126,12 +116,7 @@ def marker_tile(marker: Print) -> Tile:
 def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Limit = "energy") -> Tile:
     """Return the 3-bit array `code` of SURF markers, 2 × 2 with the upper left blank (Section 4.2).
 
-    `gap_mm` of white separates the markers, half a side unless stated.
-
-    Raises
-    ------
-    InputError
-        If `code` is not in 0…7, or side or gap cannot be printed.
+    `gap_mm` of white separates the markers, half a side unless stated. What cannot be printed is an `InputError`.
     """
     gap = side_mm / 2 if gap_mm is None else gap_mm
     if not 0 <= gap < np.inf:
@@ -149,21 +134,12 @@ def pages(
 ) -> tuple[Page, ...]:
     """Lay tiles of equal size out on as few pages as needed, row by row, with crop marks and a scale bar.
 
-    Parameters
-    ----------
-    tiles
-        What to print; all must have the same side.
-    paper_mm
-        Width and height of the page.
-    border_mm
-        White border around each tile, inside the crop marks.
-    label
-        Printed at the bottom of every page, after the name of the sheet.
+    A white border lies around each tile, inside the crop marks; the label stands at the bottom of every page.
 
     Raises
     ------
     InputError
-        If a tile with its border does not fit the page, or the label is not printable Latin-1.
+        If a tile with its border does not fit the page, or the label is not `printable`.
     """
     if not 0 <= border_mm < np.inf:
         raise InputError(f"border_mm: expected a number ≥ 0, got {border_mm}")
@@ -259,10 +235,7 @@ def _scale_bar(length: float, bottom: float, page_width: float, label: str) -> I
 def paper_size(name: str, landscape: bool = False) -> tuple[float, float]:
     """Return width and height in mm of a named paper ("a4") or of "WIDTHxHEIGHT" in mm.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown or a side is not in 50…2000 mm.
+    An unknown name, or a side that is not in 50…2000 mm, is an `InputError`.
     """
     if name.lower() in PAPERS_MM:
         size = PAPERS_MM[name.lower()]
@@ -279,13 +252,7 @@ def paper_size(name: str, landscape: bool = False) -> tuple[float, float]:
 
 
 def printable(text: str) -> str:
-    """Return `text` if the small print can show it.
-
-    Raises
-    ------
-    InputError
-        If it is longer than 80 characters or has any that are not printable Latin-1.
-    """
+    """Return `text` if the small print can show it: at most 80 characters of Latin-1; else raise an `InputError`."""
     if len(text) > 80 or not text.isprintable() or any(ord(character) > 255 for character in text):
         raise InputError(f"label: expected at most 80 printable Latin-1 characters, got {text[:90]!r}")
     return text

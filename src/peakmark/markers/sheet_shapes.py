@@ -13,13 +13,10 @@ class Box:
     """A filled rectangle."""
 
     x_mm: float
-    """Left edge."""
     y_mm: float
-    """Top edge."""
+    """Left and top edge."""
     width_mm: float
-    """Extent to the right."""
     height_mm: float
-    """Extent downwards."""
     gray: float
     """Grey level, 0…255."""
 
@@ -29,11 +26,9 @@ class Disc:
     """A filled circle."""
 
     x_mm: float
-    """Centre."""
     y_mm: float
     """Centre."""
     radius_mm: float
-    """Radius."""
     gray: float
     """Grey level, 0…255."""
 
@@ -43,7 +38,6 @@ class Dog:
     """A square filled with the DoG marker, stretched to 0…255."""
 
     x_mm: float
-    """Centre."""
     y_mm: float
     """Centre."""
     side_mm: float
@@ -51,7 +45,6 @@ class Dog:
     sigma_mm: float
     """σ of the inner Gaussian."""
     polarity: Polarity
-    """"dark" or "light" centre."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +52,8 @@ class Text:
     """One line of black small print."""
 
     x_mm: float
-    """Left end."""
     y_mm: float
-    """Baseline."""
+    """Left end of the baseline."""
     height_mm: float
     """Font size."""
     text: str

@@ -24,13 +24,7 @@ _COLOURS = ((150, 150, 150), (255, 140, 0), (60, 220, 60))
 
 
 def show_frames(dest: str, frames: Sequence[int] | None, out: Path) -> Path:
-    """Write an image of each frame and index.html; return the page.
-
-    Raises
-    ------
-    InputError
-        If there is no such corpus or frame, or the folder cannot be written.
-    """
+    """Write an image of each frame of a corpus and index.html; return the page."""
     corpus = open_corpus(dest)
     sections = []
     with result_folder(out) as folder:
@@ -81,13 +75,7 @@ def _section(frame: int, record: Record, image: NDArray[np.uint8]) -> Section:
 
 
 def open_page(page: Path) -> None:
-    """Open a page in the user's browser.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Open a page in the user's browser; without one an `InputError`."""
     if not webbrowser.open(page.resolve().as_uri()):
         raise InputError(f"--open: found no browser to open {page} with")
 
@@ -98,10 +86,7 @@ def open_page(page: Path) -> None:
 def save_recording(dest: str, frames: Sequence[int] | None, path: Path) -> None:
     """Write a Rerun recording (.rrd): cameras and marker points in the world, images and points in the camera.
 
-    Raises
-    ------
-    InputError
-        If rerun is not installed, or the file cannot be written.
+    Rerun is an extra: an `InputError` says that it is not installed, or that the file cannot be written.
     """
     try:
         import rerun as rr

@@ -60,13 +60,9 @@ def draw_arrays(
 
 
 def draw_keypoints(image: NDArray[Any], keypoints: Keypoints, strongest: int = 2000) -> Canvas:
-    """Return the grey image as RGB with each key point's circle, of half its size, and orientation.
+    """Return the grey image as RGB with the strongest key points' circles, of half their size, and orientations.
 
-    Parameters
-    ----------
-    image : as in `as_gray`.
-    keypoints : in px of that image; an angle below 0 draws no line.
-    strongest : draw only the first so many.
+    The image is any that `as_gray` takes; an angle below 0 draws no line.
     """
     canvas = rgb_copy(as_gray(image))
     shown = keypoints[:strongest]

@@ -32,13 +32,11 @@ class TrajectoryErrors:
     """Errors of a trajectory, as evo defines them."""
 
     ate_rmse_mm: float
-    """Absolute error of the positions, root mean square."""
     ate_max_mm: float
-    """The largest of them."""
+    """Absolute errors of the positions, root mean square and largest."""
     rpe_rmse_mm: float
-    """Relative error from a pose to the next, root mean square."""
     rpe_rmse_deg: float
-    """The same of rotations."""
+    """Relative errors from a pose to the next, of positions and rotations, root mean square."""
 
 
 def trajectory_errors(
@@ -46,20 +44,9 @@ def trajectory_errors(
 ) -> TrajectoryErrors | None:
     """Return evo's absolute and relative errors of the frames that have an estimate; None with fewer than three.
 
-    Parameters
-    ----------
-    times_s
-        (n,) of the frames.
-    truth, estimate
-        n poses `world_from_camera` each.
-    is_aligned
-        Whether the estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight path,
-        which leaves that open, is put on the first pose).
-
-    Raises
-    ------
-    InputError
-        If evo is not installed.
+    `times_s` are those of n frames, `truth` and `estimate` their poses `world_from_camera`. With `is_aligned` the
+    estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight path, which leaves that
+    open, is put on the first pose). Evo is an extra; an `InputError` says how to install it.
     """
     try:
         from evo.core import metrics

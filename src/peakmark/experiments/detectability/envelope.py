@@ -44,9 +44,8 @@ class Reach:
     tilt_deg: float
     """Between the marker's normal and the ray to the camera."""
     nearest_m: float | None
-    """The nearest measured distance inside the envelope; None if there is none."""
     farthest_m: float | None
-    """The farthest."""
+    """Nearest and farthest measured distance inside the envelope; None if there is none."""
     gaps_m: tuple[tuple[float, float], ...]
     """Distances between them where a measured size fails, from its nearer to its farther good neighbour."""
 
@@ -56,10 +55,7 @@ def load_rates(
 ) -> Rates:
     """Return measured rates, the shipped ones unless `path` names another envelope.csv.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or lacks the combination; the message lists those there are.
+    An `InputError` says that the file cannot be read, or which combinations it has instead of this one.
     """
     table = _table(path)
     key = (marker, detector, f"{noise:g}")
@@ -90,10 +86,7 @@ def _table(path: Path | None) -> tuple[tuple[str, ...], ...]:
 def reach(rates: Rates, focal_px: float, side_m: float, required: float = REQUIRED) -> list[Reach]:
     """Return the distances at which a marker of side `side_m` is found, tilt by tilt.
 
-    Raises
-    ------
-    InputError
-        If the focal length or the side is not positive, or the required rate not in 0…1.
+    The focal length and the side must be positive, the required rate in 0…1; else an `InputError`.
     """
     if not 0 < required < 1:
         raise InputError(f"required rate: expected a number between 0 and 1, got {required}")

@@ -14,8 +14,7 @@ from peaksim.scene.file import load_scene
 from PIL import Image
 
 from peakmark.errors import InputError
-from peakmark.experiments.floor.still import FloorConfig, open_scene, render_view, render_views
-from peakmark.experiments.floor.still_results import FloorResult, run_floor
+from peakmark.experiments.floor.still import FloorConfig, FloorResult, open_scene, render_view, render_views, run_floor
 from peakmark.plain import to_plain
 from tests.helpers import needs_gl
 from tests.peaksim.traced.helpers import needs_tracing
@@ -117,11 +116,11 @@ def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, FloorR
 def test_every_floor_and_seed(texture: str, seed: int) -> None:
     config = FloorConfig(texture=texture, seed=seed)
     score = render_view(open_scene(config), config, 0, 0.0).score
-    assert (score.found, score.wanted, score.false_above_last_marker) == (14, 14, 0)
+    assert (score.markers_found, score.markers_in_view, score.false_above_last_marker) == (14, 14, 0)
     assert score.response_drop is not None
     assert score.response_drop >= 2
-    assert score.localisation.rms is not None
-    assert score.localisation.rms <= 1
+    assert score.localisation_px.rms is not None
+    assert score.localisation_px.rms <= 1
 
 
 def test_the_stretch_separates_better_as_the_paper_says() -> None:
@@ -129,7 +128,7 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
     for stretch in (1.0, 2.0):
         config = FloorConfig(stretch=stretch)
         score = render_view(open_scene(config), config, 0, 0.0).score
-        drops[stretch] = (score.found, score.response_drop or 0.0)
+        drops[stretch] = (score.markers_found, score.response_drop or 0.0)
     assert drops[1.0] < drops[2.0]
     assert drops[1.0][1] < 0.75 * drops[2.0][1]
 
@@ -205,7 +204,7 @@ def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> N
         (("--frames", "0"), "--frames: expected 1…1000000, got 0"),
         (("--stretch", "nan"), "--stretch: expected 0.25…8, got nan"),
         (("--samples", "0"), "--samples: expected 1 or more, got 0"),
-        (("--renderer", "povray"), "--renderer: expected auto, gl, exact or traced, got povray"),
+        (("--renderer", "povray"), "--renderer: expected auto, exact, gl or traced, got povray"),
         (("--out", "/dev/null/x"), "--out /dev/null/x: expected a folder that can be written"),
     ],
 )
