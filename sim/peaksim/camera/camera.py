@@ -280,7 +280,7 @@ def _undistort_brown(distorted: Points, distortion: tuple[float, ...]) -> Points
     """Invert the distortion by Newton's method from the image centre outwards; nan where it has no inverse."""
     limit, tilt = _fold_radius(distortion), _sensor_tilt(distortion)
     with np.errstate(all="ignore"):
-        distorted = distorted if tilt is None else _map_by(np.linalg.inv(tilt), distorted)
+        distorted = distorted if tilt is None else _map_by(np.asarray(np.linalg.inv(tilt)), distorted)
         flat = distorted.copy()
         far = np.hypot(flat[:, 0], flat[:, 1]) >= limit
         flat[far] *= (0.9 * limit / np.hypot(flat[far, 0], flat[far, 1]))[:, None]
