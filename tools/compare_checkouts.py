@@ -4,13 +4,15 @@
     python tools/compare_checkouts.py ../before . --out ../compared [--only floor --only corpus]
 
 A job whose output is there already is not run again, so that one side can stand while the other changes.
-Times, memory and versions are left out; any other difference is listed, and the exit status is then 1.
+Times, memory and versions are left out, and numbers may differ by rounding (1e-7); any other difference is listed, and
+the exit status is then 1.
 """
 
 import argparse
 import csv
 import hashlib
 import json
+import math
 import os
 import re
 import subprocess
@@ -39,6 +41,9 @@ JOBS = {
 }
 VOLATILE = re.compile(r"seconds|(time|load|cpu|spent)_s\b|_ms$|frames_per_second|memory|_mb\b|versions|points_s\b")
 """Paths and columns that a clock or the machine decides."""
+ROUNDING = 1e-7
+"""Relative difference of two figures that counts as none."""
+
 TEXT_OF_TIMES = {".html", ".md", ".xml", ".mp4"}
 """Written with times in them, or by an encoder: whether they are there is compared, their bytes are not."""
 
@@ -82,8 +87,16 @@ def content(path: Path) -> Any:
         return dict(leaves([json.loads(line) for line in lines]))
     if path.suffix == ".csv":
         with path.open(encoding="utf-8", newline="") as file:
-            return dict(leaves(list(csv.DictReader(file))))
+            return dict(leaves([{name: as_number(text) for name, text in row.items()} for row in csv.DictReader(file)]))
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def as_number(text: str) -> float | str:
+    """Return a cell's number, or the cell where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def differences(before: Path, after: Path) -> Iterator[str]:
@@ -101,8 +114,16 @@ def differences(before: Path, after: Path) -> Iterator[str]:
             yield f"{name}: other bytes"
             continue
         for key in sorted({*old, *new}):
-            if old.get(key, "absent") != new.get(key, "absent"):
-                yield f"{name}: {key}: {old.get(key, 'absent')} → {new.get(key, 'absent')}"
+            was, now = old.get(key, "absent"), new.get(key, "absent")
+            if not is_same(was, now):
+                yield f"{name}: {key}: {was} → {now}"
+
+
+def is_same(was: Any, now: Any) -> bool:
+    """Return whether two plain values are equal, numbers but for rounding in another order."""
+    if isinstance(was, float) and isinstance(now, float):
+        return math.isclose(was, now, rel_tol=ROUNDING)
+    return bool(was == now)
 
 
 def main() -> int:

@@ -71,7 +71,8 @@ def identify(
         If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities are asked for with another
         rule or limit than the default, or the image is not one that `surf.detect` takes.
     """
-    check_choice(polarity, (*get_args(Polarity), "both"), "polarity")
+    if polarity not in ("dark", "light", "both"):
+        raise InputError(f"polarity: expected dark, light or both, got {polarity!r}")
     check_choice(rule, get_args(Rule), "rule")
     check_choice(limit, get_args(Limit), "limit")
     gray = as_gray(image)

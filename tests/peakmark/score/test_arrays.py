@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from peaksim import load_scene
 from peaksim.camera.frame import MarkerTruth
-from peaksim.camera.shutter import still
+from peaksim.camera.shutter import still_camera
 from peaksim.geometry.pose import invert, transform
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
@@ -20,7 +20,7 @@ from peakmark.score.wanted import polarity_of
 CAVE = load_scene("cave")
 PRINTED = printed_arrays(CAVE.scene)
 POSE = CAVE.trajectory.at(0.0)
-TRUTH = marker_truth(CAVE.scene, still(CAVE.camera, POSE))
+TRUTH = marker_truth(CAVE.scene, still_camera(CAVE.camera, POSE))
 
 
 def reading(printed: PrintedArray, code: int | None, shift_px: float = 0.0) -> MarkerArray:

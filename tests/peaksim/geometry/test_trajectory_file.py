@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peaksim import load_trajectory
-from peaksim.errors import SceneError
+from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import look_at
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import Format, save_trajectory
