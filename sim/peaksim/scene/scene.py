@@ -51,7 +51,8 @@ class Quad:
     """What is printed on it. A string is the kind of one marker that fills the quad's shorter side."""
 
     def __post_init__(self) -> None:
-        if not (_floats(self.size_m, (2,), f"quad {self.name!r}: size_m") > 0).all():
+        size_m = _numbers(self.size_m, (2,), f"quad {self.name!r}: size_m")
+        if not ((size_m > 0) & (size_m < np.inf)).all():
             raise SceneError(f"quad {self.name!r}: size_m: expected two positive numbers, got {self.size_m!r}")
         if not isinstance(self.texture, Texture):
             raise SceneError(f"quad {self.name!r}: texture: expected a Texture, got {type(self.texture).__name__}")
@@ -188,15 +189,22 @@ def _marks(marker: object, name: str) -> str | Mark | tuple[Mark, ...] | None:
 def _all(values: Any, kind: type[_Kind], name: str) -> tuple[_Kind, ...]:
     """Return values as a tuple, refusing what is not all of one type."""
     listed = tuple(values) if isinstance(values, Iterable) else (values,)
-    wrong = next((value for value in listed if not isinstance(value, kind)), None)
-    if not isinstance(values, Iterable) or wrong is not None:
-        found = type(values if wrong is None else wrong).__name__
-        raise SceneError(f"{name}: expected a tuple of {kind.__name__}, got {found}")
+    wrong = [value for value in listed if not isinstance(value, kind)]
+    if wrong or not isinstance(values, Iterable):
+        raise SceneError(f"{name}: expected a tuple of {kind.__name__}, got {type((wrong or [values])[0]).__name__}")
     return listed
 
 
 def _floats(values: Any, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
-    """Return finite numbers of a shape, in which −1 stands for any length, C-contiguous."""
+    """Return finite numbers of a shape, as `_numbers`."""
+    numbers = _numbers(values, shape, name)
+    if not np.isfinite(numbers).all():
+        raise SceneError(f"{name}: expected finite numbers, got {values!r}")
+    return numbers
+
+
+def _numbers(values: Any, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
+    """Return numbers of a shape, in which −1 stands for any length, C-contiguous."""
     try:
         numbers = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -204,6 +212,4 @@ def _floats(values: Any, shape: tuple[int, ...], name: str) -> NDArray[np.float6
     if numbers.ndim != len(shape) or any(n not in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)):
         wanted = "(" + ", ".join("n" if n == -1 else str(n) for n in shape) + ")" if shape else "one"
         raise SceneError(f"{name}: expected {wanted} numbers, got shape {numbers.shape}")
-    if not np.isfinite(numbers).all():
-        raise SceneError(f"{name}: expected finite numbers, got {values!r}")
     return numbers

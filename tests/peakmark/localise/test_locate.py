@@ -130,5 +130,5 @@ def test_a_mirrored_start_is_refused() -> None:
     floor_map = winding_map(np.random.default_rng(0))
     with pytest.raises(InputError, match=r"near: expected a rigid transform .* got a mirrored one"):
         locate(CAMERA, floor_map, np.zeros((9, 2)), side_px=np.full(9, 20.0), near=MIRRORED)
-    with pytest.raises(InputError, match="world_from_camera: expected a rigid transform .* got a mirrored one"):
+    with pytest.raises(InputError, match=r"world_from_camera: expected a rigid transform .* got a mirrored one"):
         floor_of_pose(MIRRORED)
