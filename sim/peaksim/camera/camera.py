@@ -67,7 +67,7 @@ class Camera:
                 f"camera: distortion: expected one of {_COEFFICIENTS[self.model]} coefficients "
                 f"for {self.model}, got {len(self.distortion)}"
             )
-        if self.distortion and not np.isfinite(self.unproject(_border(self))).all():
+        if self.distortion and not np.isfinite(self.unproject(self.border())).all():
             raise SceneError(
                 f"camera: distortion: expected a lens that can be inverted over the whole image, "
                 f"got {self.distortion}, which folds it"
@@ -115,6 +115,13 @@ class Camera:
     def pixel_centers(self) -> Points:
         """Return the (H, W, 2) px of all pixel centres."""
         return np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), axis=2).astype(np.float64)
+
+    def border(self) -> Points:
+        """Return 260 points (n, 2) px along the image's border, 65 a side, where a distortion folds first."""
+        x = np.linspace(-0.5, self.width - 0.5, 65)
+        y = np.linspace(-0.5, self.height - 0.5, 65)
+        sides = [np.stack([x, np.full(65, end)], axis=1) for end in y[[0, -1]]]
+        return np.concatenate([*sides, *(np.stack([np.full(65, end), y], axis=1) for end in x[[0, -1]])])
 
 
 def from_sensor(
@@ -183,15 +190,6 @@ def _check_numbers(camera: Camera) -> None:
     for name in ("row_time_s", "exposure_s"):
         if getattr(camera, name) < 0:
             raise SceneError(f"camera: {name}: expected a time ≥ 0 s, got {getattr(camera, name)}")
-
-
-def _border(camera: Camera) -> Points:
-    """Return points along the image border, where a distortion folds first."""
-    x = np.linspace(-0.5, camera.width - 0.5, 65)
-    y = np.linspace(-0.5, camera.height - 0.5, 65)
-    ends = np.array([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]])
-    sides = [np.stack([x, np.full(65, ends[k, 1])], 1) for k in (0, 1)]
-    return np.concatenate([*sides, *(np.stack([np.full(65, ends[k, 0]), y], 1) for k in (0, 1))])
 
 
 def _brown_terms(distortion: tuple[float, ...]) -> list[float]:
