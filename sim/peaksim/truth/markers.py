@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.rays import first_faces, solids_of
+from peaksim.area.rays import first_faces, list_faces_in, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth
 from peaksim.camera.shutter import PosedCamera
@@ -113,17 +113,14 @@ def _visible_fractions(
     behind = _reach_behind(posed, corners_xy, in_camera)
     seen = np.array([_may_be_seen(posed, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
     shares = np.zeros(len(corners))
-    for number in np.unique(owners[seen]):
-        hiding = faces_before(faces, int(number))
-        if not posed.is_rolling:
-            hiding = hiding[may_hide(posed.pose[:3, 3], scene.quads[number].corners_m, hiding)]
-        for k in np.flatnonzero(seen & (owners == number)):
-            hidden = _is_hidden(posed, corners[k], corners_xy[k], hiding)
-            if behind[k]:
-                shares[k] = _printed_share(posed, solids, int(number), corners[k], in_camera[k], hidden)
-                continue
-            share = None if hidden else _share_inside(posed, corners_xy[k])
-            shares[k] = visible_fraction(posed, solids, int(number), corners[k]) if share is None else share
+    for k in np.flatnonzero(seen):
+        number = int(owners[k])
+        hidden = _is_hidden(posed, solids, faces, number, corners[k], corners_xy[k])
+        if behind[k]:
+            shares[k] = _printed_share(posed, solids, number, corners[k], in_camera[k], hidden)
+            continue
+        share = None if hidden else _share_inside(posed, corners_xy[k])
+        shares[k] = visible_fraction(posed, solids, number, corners[k]) if share is None else share
     return shares
 
 
@@ -158,13 +155,18 @@ def _printed_share(
     return float(seen.mean() * (high - low).prod())
 
 
-def faces_before(faces: NDArray[np.float64], number: int) -> NDArray[np.float64]:
-    """Return those of (f, 4, 3) faces that may hide one of them: of faces in its own plane the later ones are seen."""
+def faces_before(
+    faces: NDArray[np.float64], number: int, among: NDArray[np.int64] | None = None
+) -> NDArray[np.float64]:
+    """Return those of (f, 4, 3) faces that may hide one of them: of faces in its own plane the later ones are seen.
+
+    `among` are the numbers of those that come into question, of all faces by default.
+    """
+    order = np.arange(len(faces)) if among is None else among
     first, second, _, last = faces[number]
     normal = _cross(second - first, last - first)
-    in_plane = (np.abs((faces - first) @ normal) <= _IN_PLANE_M * np.linalg.norm(normal)).all(axis=1)
-    order = np.arange(len(faces))
-    return faces[np.where(in_plane, order > number, order != number)]
+    in_plane = (np.abs((faces[order] - first) @ normal) <= _IN_PLANE_M * np.linalg.norm(normal)).all(axis=1)
+    return faces[order[np.where(in_plane, order > number, order != number)]]
 
 
 def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float | None:
@@ -178,13 +180,30 @@ def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float 
 
 
 def _is_hidden(
-    posed: PosedCamera, corners: NDArray[np.float64], corners_xy: NDArray[np.float64], faces: NDArray[np.float64]
+    posed: PosedCamera,
+    solids: "Solids",
+    faces: NDArray[np.float64],
+    number: int,
+    corners: NDArray[np.float64],
+    corners_xy: NDArray[np.float64],
 ) -> bool:
     """Return whether a face may lie between a rectangle and the camera while its first or its last row is read."""
     if posed.is_rolling and np.isnan(corners_xy).any():
         return True
     eyes = posed.row_poses([corners_xy[:, 1].min(), corners_xy[:, 1].max()])[:, :3, 3]
-    return any(may_hide(eye, corners, faces).any() for eye in eyes)
+    return any(
+        may_hide(eye, corners, faces_before(faces, number, faces_between(solids, eye, corners))).any() for eye in eyes
+    )
+
+
+def faces_between(solids: "Solids", eye_m: NDArray[np.float64], corners_m: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the numbers of the faces near the pyramid from the eye to a rectangle (4, 3), found in the tree."""
+    normals, points = _pyramid(eye_m, corners_m)
+    offsets = -(normals * points).sum(axis=1)
+    slack = 1e-9 * np.linalg.norm(normals, axis=1) * (1 + np.abs(points).max())
+    found = np.empty(len(solids.ids), np.int64)
+    count = list_faces_in(*solids[:2], solids.ids, np.column_stack([normals, offsets + slack]), found)
+    return np.sort(found[:count])
 
 
 def _may_be_seen(posed: PosedCamera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
@@ -233,18 +252,29 @@ def may_hide(
     """
     if len(faces) == 0:
         return np.zeros(0, dtype=bool)
-    rays = corners_m - eye_m
-    inwards = _cross(rays, rays[[1, 2, 3, 0]])
-    inwards *= np.sign(inwards @ rays.mean(axis=0))[:, None]
-    beyond = np.any(np.all((faces - eye_m) @ inwards.T < 0, axis=1), axis=1)
-    normal = _cross(corners_m[1] - corners_m[0], corners_m[3] - corners_m[0])
-    normal *= -np.sign(normal @ rays[0])
+    *inwards, normal = _pyramid(eye_m, corners_m)[0]
+    beyond = np.any(np.all((faces - eye_m) @ np.transpose(inwards) < 0, axis=1), axis=1)
     behind = ((faces - corners_m[0]) @ normal < -1e-9 * np.linalg.norm(normal)).all(axis=1)
     planes = _cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     sides = (np.vstack([corners_m, eye_m]) - faces[:, :1]) @ planes[:, :, None]
     least = 1e-9 * np.linalg.norm(planes, axis=1)[:, None]
     apart = (sides[:, :, 0] > least).all(axis=1) | (sides[:, :, 0] < -least).all(axis=1)
     return np.asarray(~beyond & ~behind & ~apart)
+
+
+def _pyramid(
+    eye_m: NDArray[np.float64], corners_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (5, 3) inward normals of the pyramid from an eye to a rectangle (4, 3), and a point on each plane.
+
+    The first four planes pass through the eye and a side, the last one is the rectangle's own.
+    """
+    rays = corners_m - eye_m
+    inwards = _cross(rays, rays[[1, 2, 3, 0]])
+    inwards *= np.sign(inwards @ rays.mean(axis=0))[:, None]
+    normal = _cross(corners_m[1] - corners_m[0], corners_m[3] - corners_m[0])
+    normal *= -np.sign(normal @ rays[0])
+    return np.vstack([inwards, normal]), np.vstack([np.repeat(eye_m[None], 4, axis=0), corners_m[:1]])
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
