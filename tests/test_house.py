@@ -24,7 +24,7 @@ SIM_FLOORS = (
 
 FLOORS = (
     *SIM_FLOORS,
-    ("peakmark.errors",),
+    ("peakmark.errors", "peakmark.version"),
     ("peakmark.parallel", "peakmark.plain"),
     ("peakmark.keypoints", "peakmark.markers"),
     ("peakmark.surf", "peakmark.refine"),

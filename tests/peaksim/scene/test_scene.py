@@ -134,3 +134,20 @@ def test_a_name_may_stand_once() -> None:
 def test_impossible_lights_are_refused(field: dict[str, object]) -> None:
     with pytest.raises(SceneError, match="light: "):
         Light(**{"kind": "point", "intensity": 1.0, **field})  # type: ignore[arg-type]
+
+
+class CountedName(str):
+    """A name that counts how often it is compared."""
+
+    compared = 0
+    __hash__ = str.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        CountedName.compared += 1
+        return str.__eq__(self, other)
+
+
+def test_names_are_not_compared_each_with_each() -> None:
+    marks = tuple(Mark(CountedName(f"m{k}"), "any", 0.001) for k in range(2000))
+    Scene((Quad("q", WHITE, (1.0, 1.0), np.eye(4), marks),))
+    assert CountedName.compared < 10 * len(marks)
