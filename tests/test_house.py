@@ -10,7 +10,7 @@ from tests.house import circles, files_of, graph_of, imported, upward
 from tests.places import ROOT
 
 SIM_FLOORS = (
-    ("peaksim.errors", "peaksim.kernel", "peaksim.lazy", "peaksim.whole_file"),
+    ("peaksim.errors", "peaksim.kernel", "peaksim.lazy", "peaksim.threads", "peaksim.whole_file"),
     ("peaksim.shipped", "peaksim.toml_file", "peaksim.image_file", "peaksim.geometry"),
     ("peaksim.camera",),
     ("peaksim.scene",),
@@ -24,7 +24,7 @@ SIM_FLOORS = (
 
 FLOORS = (
     *SIM_FLOORS,
-    ("peakmark.errors",),
+    ("peakmark.errors", "peakmark.version"),
     ("peakmark.parallel", "peakmark.plain"),
     ("peakmark.keypoints", "peakmark.markers"),
     ("peakmark.surf", "peakmark.refine"),

@@ -12,6 +12,6 @@
 Commands print an `InputError` as one line and exit with status 2, a `RendererError` with status 3.
 """
 
-from peaksim.errors import ImageError, InputError, RendererError, SceneError
+from peaksim.errors import ImageError, InputError, RendererError, SceneError, check_choice
 
-__all__ = ["ImageError", "InputError", "RendererError", "SceneError"]
+__all__ = ["ImageError", "InputError", "RendererError", "SceneError", "check_choice"]

@@ -11,12 +11,12 @@ Lines that start with # are comments.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.errors import SceneError
+from peaksim.errors import SceneError, check_choice
 from peaksim.geometry.trajectory import Trajectory, from_quaternions, quaternions_xyzw
 from peaksim.whole_file import write_whole
 
@@ -56,6 +56,7 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, format: Format = "
 
 def to_text(trajectory: Trajectory, format: Format = "tum") -> str:
     """Return what `save_trajectory` writes."""
+    check_choice(format, get_args(Format), "format")
     return _writers[format](trajectory)
 
 

@@ -224,11 +224,23 @@ def _tile(kind: str, border: int) -> Texture:
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
     """Return the (side, side) image of a shipped marker."""
-    file = shipped.ASSETS / "markers" / f"{kind}.png"
-    if not file.is_file():
-        known = ", ".join(sorted(p.stem for p in file.parent.glob("*.png")))
-        raise SceneError(f"{field}: expected one of {known}, got {kind!r}")
-    return _read_photo(file, field)
+    known = _shipped_patterns()
+    if kind not in known:
+        raise SceneError(f"{field}: expected one of {', '.join(sorted(known))}, got {kind!r}")
+    return _shipped_pattern(known[kind])
+
+
+@lru_cache(maxsize=1)
+def _shipped_patterns() -> dict[str, Path]:
+    return {path.stem: path for path in (shipped.ASSETS / "markers").glob("*.png")}
+
+
+@lru_cache(maxsize=64)
+def _shipped_pattern(path: Path) -> NDArray[np.uint8]:
+    """Return a marker's image, read-only: a scene may have thousands of one kind."""
+    pattern = _read_photo(path, path.name)
+    pattern.setflags(write=False)
+    return pattern
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:

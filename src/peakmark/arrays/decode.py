@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from peakmark.arrays.blank import is_blank
 from peakmark.arrays.lattice import Cell, Lattice, Limits, MarkerShapes, expected, lattices, positions
 from peakmark.arrays.paper import decode_upright
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.identification.detection import Detection
 from peakmark.identification.suppression import suppress_non_maxima
 from peakmark.keypoints.image import as_gray
@@ -96,8 +96,7 @@ def decode_arrays(
         If the rule is unknown, "paper" is asked for another layout, `affinity` has another shape, or the image is none.
     """
     found = tuple(detections)
-    if rule not in ("robust", "paper"):
-        raise InputError(f"rule: expected robust or paper, got {rule!r}")
+    check_choice(rule, ("robust", "paper"), "rule")
     if rule == "paper":
         if (layout.rows, layout.columns, layout.parity) != (2, 2, False):
             raise InputError("rule: expected the 2×2 layout without parity for the paper's rule")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose
+from peaksim.geometry.pose import Pose, compose, rigid
 from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, ray_slopes, solid_angles, unit_rays
@@ -37,7 +37,8 @@ class Floor:
 
 def floor_of_pose(world_from_camera: Pose) -> Floor:
     """Return the plane z = 0 of the world."""
-    return Floor(world_from_camera[2, :3].copy(), float(world_from_camera[2, 3]))
+    pose = rigid(world_from_camera, "world_from_camera")
+    return Floor(pose[2, :3].copy(), float(pose[2, 3]))
 
 
 def on_floor(floor: Floor, rays: NDArray[np.float64]) -> Values:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rotation_about, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rigid, rotation_about, transform
 
 from peakmark.errors import InputError
 from peakmark.localise.distance import Values, unit_rays
@@ -126,6 +126,7 @@ def locate(
     seen = _check(xy, affinity, side_px)
     if len(seen[0]) < _fewest(affinity is not None):
         return None
+    near = None if near is None else rigid(near, "near")
     guesses = [near] if near is not None else _guesses(camera, floor_map, *seen)
     settled = (_settle(camera, floor_map, *seen, guess, sigma_px) for guess in guesses)
     candidates = [c for c in settled if c is not None and (near is None or _is_near(c, near, within_m, within_deg))]

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, pose_distance, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rigid, transform
 from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values
@@ -101,6 +101,7 @@ def estimate_pose(
 
 def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) -> PoseFit:
     """Return the pose near `world_from_camera` that minimises the errors of centres and shapes (SciPy's MINPACK)."""
+    world_from_camera = rigid(world_from_camera, "world_from_camera")
     residuals = Residuals.of(camera, seen)
     steps = np.concatenate([np.zeros((1, 6)), STEP * np.eye(6)])
 

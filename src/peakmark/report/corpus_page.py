@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.corpus.read import Corpus, open_corpus
-from peaksim.corpus.sample import Record
+from peaksim.corpus.sample import Record, marker_outlines
 from PIL import Image
 
 from peakmark.errors import InputError
@@ -53,8 +53,11 @@ def draw_truth(image: NDArray[np.uint8], record: Record) -> NDArray[np.uint8]:
         points = np.array([xy if None not in xy else (np.nan, np.nan) for xy in marker["points_xy"]], dtype=np.float64)
         points = (points + 0.5) * scale - 0.5
         colour = _COLOURS[2] if marker["visible_fraction"] > 0 else _COLOURS[1]
-        if np.isfinite(points).all():
-            draw_outline(canvas, points[1:], colour, 1)
+        outline = points[1:]
+        if not np.isfinite(points).all():
+            outline = (marker_outlines(record, [marker])[0] + 0.5) * scale - 0.5
+        if len(outline):
+            draw_outline(canvas, outline, colour, 1)
         for xy, state in zip(points, marker["points_seen"], strict=True):
             if state:
                 draw_circle(canvas, xy, 3, _COLOURS[state], -1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.geometry.pose import Pose, pose_distance
+from peaksim.geometry.pose import Pose, pose_distance, rigid
 
 from peakmark.errors import InputError
 
@@ -46,7 +46,8 @@ def trajectory_errors(
 
     `times_s` are those of n frames, `truth` and `estimate` their poses `world_from_camera`. With `is_aligned` the
     estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight path, which leaves that
-    open, is put on the first pose). Evo is an extra; an `InputError` says how to install it.
+    open, is put on the first pose). Evo is an extra; an `InputError` says how to
+    install it, or that a pose is not rigid.
     """
     try:
         from evo.core import metrics
@@ -54,12 +55,12 @@ def trajectory_errors(
         from evo.core.trajectory import PoseTrajectory3D
     except ImportError as error:
         raise InputError("trajectory errors need evo: pip install 'peakmark[evo]'") from error
-    rows = [k for k, pose in enumerate(estimate) if pose is not None]
-    if len(rows) < 3:
+    known = {k: rigid(pose, f"estimate[{k}]") for k, pose in enumerate(estimate) if pose is not None}
+    if len(known) < 3:
         return None
     reference, own = (
-        PoseTrajectory3D(poses_se3=[np.asarray(poses[k]) for k in rows], timestamps=times_s[rows])
-        for poses in (truth, estimate)
+        PoseTrajectory3D(poses_se3=poses, timestamps=times_s[list(known)])
+        for poses in ([rigid(truth[k], f"truth[{k}]") for k in known], list(known.values()))
     )
     if is_aligned:
         try:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peaksim import load_trajectory
-from peaksim.errors import SceneError
+from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import look_at
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import Format, save_trajectory
@@ -83,3 +83,9 @@ def test_times_of_a_short_way_survive(tmp_path: Path) -> None:
     save_trajectory(trajectory, tmp_path / "w")
     assert isinstance(again := load_trajectory(tmp_path / "w"), Trajectory)
     assert again.times_s[1] == 1 / 3
+
+
+def test_a_format_that_is_none_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="format: expected one of tum, euroc, kitti, got 'csv'"):
+        save_trajectory(Trajectory(np.zeros(1), np.eye(4)[None]), tmp_path / "t.csv", "csv")  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []

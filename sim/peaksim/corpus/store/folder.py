@@ -5,12 +5,12 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
 from peaksim.corpus.store.base import Writing, is_safe
 from peaksim.errors import InputError
+from peaksim.threads import map_in_threads
 
 _UNFINISHED = ".unfinished"
 _SYNCS = 16  # files that are synced at once
@@ -59,8 +59,7 @@ class FolderStore:
             with self._reported(name), self._path(name).open("rb") as file:
                 os.fsync(file.fileno())
 
-        with ThreadPoolExecutor(_SYNCS) as pool:
-            list(pool.map(sync, names))
+        map_in_threads(sync, names, _SYNCS)
 
     def read(self, name: str) -> bytes:
         """Return a file's content."""
