@@ -11,6 +11,7 @@ from tests.places import ROOT
 
 SIM_FLOORS = (
     ("peaksim.errors", "peaksim.kernel", "peaksim.lazy", "peaksim.whole_file"),
+    ("peaksim.text_file",),
     ("peaksim.shipped", "peaksim.toml_file", "peaksim.image_file", "peaksim.geometry"),
     ("peaksim.camera",),
     ("peaksim.scene",),

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from peaksim.errors import SceneError
+from peaksim.text_file import read_text
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -23,12 +24,8 @@ def parse_toml(file: Path) -> dict[str, Any]:
         One line: it is missing, too large, or not TOML.
     """
     try:
-        if file.stat().st_size > _LARGEST_FILE:
-            raise SceneError(f"{file}: expected a file of at most {_LARGEST_FILE} bytes")
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SceneError(f"{file}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(read_text(file, _LARGEST_FILE, SceneError))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise SceneError(f"{file}: is not TOML: {error}") from error
 
 

@@ -16,7 +16,7 @@ from peaksim.errors import InputError, SceneError
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.pose import Pose, compose, look_at, rotation_about
 from peaksim.geometry.trajectory import Trajectory
-from peaksim.image_file import read_image
+from peaksim.image_file import read_image_8_bits
 from peaksim.scene import schema as schema
 from peaksim.scene.scene import Light, Mark, Mesh, Quad
 from peaksim.scene.texture import Texture
@@ -81,12 +81,9 @@ def _find_image(file: str, folder: Path, field: str) -> Path:
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     try:
-        photo = read_image(path)
+        return read_image_8_bits(path)
     except InputError as error:
         raise SceneError(f"{field}: {error}") from error
-    if photo.dtype != np.uint8:
-        raise SceneError(f"{field}: expected an 8-bit image, got {photo.dtype}")
-    return np.asarray(photo, dtype=np.uint8)
 
 
 def scale_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
