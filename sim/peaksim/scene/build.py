@@ -252,7 +252,7 @@ def build_camera(table: schema.CameraTable) -> Camera:
     """Return the camera; focal length and principal point default to square pixels and the image centre."""
     base = _base_camera(table)
     own = {name: getattr(table, name) for name in ("fy", "cx", "cy") if getattr(table, name) is not None}
-    return replace(
+    built = replace(
         base,
         **own,
         distortion=table.distortion,
@@ -260,6 +260,23 @@ def build_camera(table: schema.CameraTable) -> Camera:
         row_time_s=table.row_time_s,
         exposure_s=table.exposure_s,
     )
+    return check_focal_length(built)
+
+
+def check_focal_length(camera: Camera) -> Camera:
+    """Return a camera from a file whose focal length can be one in px.
+
+    Raises
+    ------
+    SceneError
+        If its angle of view would be above 175°, or 360° for a fisheye: lengths in mm, or in image widths, give that.
+    """
+    most = np.pi if camera.model == "fisheye" else np.tan(np.deg2rad(87.5))
+    for name, focal, size in (("fx", camera.fx, camera.width), ("fy", camera.fy, camera.height)):
+        least = size / 2 / most
+        if focal < least:
+            raise SceneError(f"camera: {name}: expected px, at least {least:.3g} for {size} px, got {focal:g}")
+    return camera
 
 
 def _base_camera(table: schema.CameraTable) -> Camera:

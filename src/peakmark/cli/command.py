@@ -2,12 +2,31 @@
 
 import sys
 from collections.abc import Callable
+from inspect import cleandoc
 from io import TextIOWrapper
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import typer
 
 from peakmark.errors import InputError, RendererError
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def plain_app(**settings: Any) -> typer.Typer:
+    """Return a Typer app whose help is plain text: Rich would take [brackets] for markup, and switches for <bool>."""
+    return typer.Typer(add_completion=False, rich_markup_mode=None, **settings)
+
+
+def examples(*lines: str) -> Callable[[Command], Command]:
+    """Return a decorator that ends a command's help with example calls."""
+
+    def add(command: Command) -> Command:
+        shown = ["\b", "Examples:", *(f"  {line}" for line in lines)]  # \b keeps the paragraph's lines as they are
+        command.__doc__ = "\n".join([cleandoc(command.__doc__ or ""), "", *shown])
+        return command
+
+    return add
 
 
 def run_command(command: Callable[..., Any]) -> NoReturn:
@@ -19,7 +38,9 @@ def run_command(command: Callable[..., Any]) -> NoReturn:
         if isinstance(command, typer.Typer):
             command()
         else:
-            typer.run(command)
+            app = plain_app()
+            app.command()(command)
+            app()
     except InputError as error:
         _stop(error, 2)
     except RendererError as error:

@@ -8,11 +8,15 @@ from numpy.typing import NDArray
 from peaksim.image_file import read_image
 from typer import Argument, Exit, Option
 
-from peakmark.cli.command import one_line, print_error
+from peakmark.cli.command import examples, one_line, print_error
 from peakmark.cli.detect_files import DetectedFile, FailedFile, detect_files
 from peakmark.cli.options import Quiet, UnusedSeed, given
 
 
+@examples(
+    "peakmark detect image.png --out keypoints.npz",
+    "peakmark detect folder --detector sift --strongest 500 --overlay --out out/detect",
+)
 def detect(
     source: Annotated[Path, Argument(help="An image (PNG, JPEG, TIFF, …), a folder of images, or a film.")],
     out: Annotated[Path, Option(help="Folder, or for one image FILE.npz, .csv or .json.")] = Path("out/detect"),

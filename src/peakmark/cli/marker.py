@@ -6,6 +6,8 @@ from typing import Annotated, Any, cast
 
 from typer import Argument, Option
 
+from peakmark.cli.command import examples
+from peakmark.cli.options import UnusedSeed
 from peakmark.errors import InputError
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
@@ -14,6 +16,9 @@ from peakmark.markers.sheet_files import write
 from peakmark.report.results import result_folder, write_json
 
 
+@examples(
+    "peakmark marker surf --side-mm 80", "peakmark marker array --side-mm 40 --paper a3 --format svg --out sheets"
+)
 def marker(
     kind: Annotated[str, Argument(help="surf, sift, array (all eight 3-bit arrays) or array-0 … array-7")],
     out: Annotated[Path, Option(help="directory for the sheet and result.json")] = Path("out/marker"),
@@ -28,7 +33,7 @@ def marker(
     paper: Annotated[str, Option(help="a2 … a5, letter, legal, tabloid or WIDTHxHEIGHT in mm")] = "a4",
     landscape: Annotated[bool, Option("--landscape", help="turn the page")] = False,
     label: Annotated[str, Option(help="text for the small print")] = "",
-    seed: Annotated[int, Option(help="accepted by every command; nothing here is random")] = 0,
+    seed: UnusedSeed = 0,
     quiet: Annotated[bool, Option("--quiet", help="print nothing")] = False,
 ) -> None:
     """Write a print-ready sheet of markers."""
