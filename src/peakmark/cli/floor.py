@@ -77,6 +77,8 @@ def render_floor(
 def _render(console: Console, config: FloorConfig, out: Path) -> None:
     with progress_bar(console, _STAGES, config.frames + 1) as bar:
         result = still_results.run_floor(config, out, lambda done, of: bar.show(done + 1, of + 1))
+    for remark in result.remarks:
+        console.print(f"note: {remark}", soft_wrap=True)
     title = f"{config.scene} · {result.renderer} · seed {config.seed}"
     print_table(console, title, FIGURES, still_results.result_rows(result))
 
@@ -85,7 +87,7 @@ def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) ->
     with progress_bar(console, _STAGES) as bar:
         result = flight_results.run_flight(config, out, is_resumed, lambda done, of: bar.show(done + 1, of + 1))
     for remark in result.remarks:
-        console.print(f"note: {remark}")
+        console.print(f"note: {remark}", soft_wrap=True)
     title = f"{config.trajectory} · {result.renderer} · seed {config.seed}"
     print_table(console, title, FIGURES_WITH_INTERVALS, flight_report.result_rows(result))
 
