@@ -6,7 +6,7 @@ from typing import Annotated, cast
 from peaksim.rendering import Renderer
 from typer import Option
 
-from peakmark.cli.command import examples
+from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import NoiseSeed, Out, Quiet, RoomsSeed, RoomViews
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
 from peakmark.experiments.cave import fiducials_results, training_results, walk_results
@@ -65,7 +65,7 @@ def evaluate_cave(
     """
     config = EvaluationConfig(rooms, views, cast(Split, split), size, seed)
     console = new_console(quiet)
-    with progress_bar(console, "render, read, score", rooms) as bar:
+    with resumable(), progress_bar(console, "render, read, score", rooms) as bar:
         records = evaluate(config, out, workers, bar.show)
     figures = write_evaluation(config, records, out)
     print_table(console, f"{split} rooms · seed {seed}", FIGURES_WITH_INTERVALS, headline(figures))

@@ -1,14 +1,20 @@
 """What every command shares: errors as one line, and exit statuses 0, 2 (bad input) and 3 (renderer)."""
 
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from inspect import cleandoc
 from io import TextIOWrapper
 from typing import Any, NoReturn, TypeVar
 
 import typer
+from peaksim.compiling import LISTENERS
 
-from peakmark.errors import InputError, RendererError
+from peakmark.errors import InputError, RendererError, one_line
+
+COMPILING = "compiling: a first run takes about a minute longer, later ones do not"
+"""Said once, when a kernel is not in Numba's cache."""
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -34,6 +40,8 @@ def run_command(command: Callable[..., Any]) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal of another encoding shows ? for →
+    if "--quiet" not in sys.argv:
+        LISTENERS.append(lambda: print(COMPILING, file=sys.stderr, flush=True))
     try:
         if isinstance(command, typer.Typer):
             command()
@@ -48,15 +56,19 @@ def run_command(command: Callable[..., Any]) -> NoReturn:
     sys.exit(0)
 
 
+@contextmanager
+def resumable(how: str = "the same command resumes") -> Iterator[None]:
+    """Say on Ctrl-C how the interrupted command resumes."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"interrupted: {how}", file=sys.stderr)
+        raise typer.Exit(128 + signal.SIGINT) from None
+
+
 def print_error(reason: object) -> None:
     """Print what is wrong as one line on standard error."""
-    print("error:", one_line(reason), file=sys.stderr)
-
-
-def one_line(text: object) -> str:
-    """Return text from outside (file names, messages) as one line; characters that steer a terminal are escaped."""
-    line = " ".join(str(text).split())
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in line)
+    print("error:", one_line(str(reason)), file=sys.stderr)
 
 
 def _stop(reason: object, status: int) -> NoReturn:

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from peaksim.image_file import read_image
 from typer import Argument, Exit, Option
 
-from peakmark.cli.command import examples, one_line, print_error
+from peakmark.cli.command import examples, print_error
 from peakmark.cli.detect_files import DetectedFile, FailedFile, detect_files
 from peakmark.cli.options import Quiet, UnusedSeed, given
+from peakmark.errors import one_line
 
 
 @examples(

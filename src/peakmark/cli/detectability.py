@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
-from peakmark.cli.command import examples
+from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Quiet
 from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.experiments.detectability.measure import finished_rows, measure_points, open_journal
@@ -49,7 +49,7 @@ def detectability(
     if report_only:
         rows = finished_rows(config, journal)
     else:
-        with progress_bar(console, "points") as bar:
+        with resumable(), progress_bar(console, "points") as bar:
             rows = measure_points(config, journal, workers, bar.show)
     write_results(out, config, rows)
     print_path(console, out / "report.html")

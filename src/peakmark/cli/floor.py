@@ -7,7 +7,7 @@ from peaksim.rendering import Renderer
 from rich.console import Console
 from typer import Option
 
-from peakmark.cli.command import examples
+from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import NoiseSeed, Out, Quiet
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
 from peakmark.errors import InputError
@@ -19,6 +19,7 @@ from peakmark.experiments.robot import drive_results
 from peakmark.experiments.robot.drive import DriveConfig
 from peakmark.identification.api import Rule
 
+_WITH_RESUME = "the same command with --resume resumes"
 _STAGES = "render, detect, identify, score"
 
 
@@ -84,7 +85,7 @@ def _render(console: Console, config: FloorConfig, out: Path) -> None:
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
-    with progress_bar(console, _STAGES) as bar:
+    with resumable(_WITH_RESUME), progress_bar(console, _STAGES) as bar:
         result = flight_results.run_flight(config, out, is_resumed, lambda done, of: bar.show(done + 1, of + 1))
     for remark in result.remarks:
         console.print(f"note: {remark}", soft_wrap=True)
@@ -113,7 +114,8 @@ def evaluate_flights(
         raise InputError(f"expected --first 1…{len(FLIGHTS)} and --seed 0 or more, got {first} and {seed}")
     console = new_console(quiet)
     chosen = [(ride, floor, own + seed) for ride, floor, own in FLIGHTS[:first]]
-    result = flights_results.run_flights(out, frames, resume, chosen, console.print)
+    with resumable(_WITH_RESUME):
+        result = flights_results.run_flights(out, frames, resume, chosen, console.print)
     print_table(console, f"{first} flights", FIGURES_WITH_INTERVALS, flights_results.headline(result))
     print_path(console, out / "report.html")
 
@@ -148,7 +150,7 @@ def drive_floor(
     config = DriveConfig(
         paths, length, spacing, line_ends, scene, texture, cast(Renderer, renderer), seed, frames_per_second=rate
     )
-    with progress_bar(console, "drive", paths) as bar:
+    with resumable(_WITH_RESUME), progress_bar(console, "drive", paths) as bar:
         result = drive_results.run_drives(config, out, resume, bar.show)
     title = f"{scene} · {result.renderer} · seed {seed}"
     print_table(console, title, FIGURES_WITH_INTERVALS, drive_results.result_rows(result))

@@ -3,8 +3,10 @@
 import os
 import runpy
 import shlex
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,8 @@ import typer
 from typer.testing import CliRunner
 
 from peakmark.cli.app import COMMANDS, load_command
-from peakmark.cli.command import one_line, plain_app, run_command
-from peakmark.errors import ImageError, InputError, RendererError
+from peakmark.cli.command import COMPILING, plain_app, resumable, run_command
+from peakmark.errors import ImageError, InputError, RendererError, one_line
 from tests.places import ROOT, SOURCES
 
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
@@ -113,3 +115,55 @@ def test_a_terminal_that_cannot_show_an_arrow_does_not_end_a_command(encoding: s
 
 def test_what_steers_a_terminal_is_escaped() -> None:
     assert one_line("a\x1b[31m\n\tb\udcff → é") == "a\\x1b[31m b\\udcff → é"
+
+
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+def test_a_run_that_compiles_says_so_once_and_a_later_one_does_not(tmp_path: Path, quiet: list[str]) -> None:
+    (tmp_path / "own_kernels.py").write_text(
+        "from peaksim.kernel import kernel\n"
+        "@kernel\ndef add(a, b): return a + b\n@kernel\ndef sub(a, b): return a - b\n"
+    )
+    (tmp_path / "run.py").write_text(
+        "from peakmark.cli.command import run_command\n"
+        "def both(quiet: bool = False):\n    from own_kernels import add, sub\n    print(add(1, 2), sub(1, 2))\n"
+        "run_command(both)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": SOURCES, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    for said in (COMPILING + "\n", ""):
+        command = [sys.executable, str(tmp_path / "run.py"), *quiet]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=120)
+        assert done.stdout == "3 -1\n"
+        assert done.stderr == ("" if quiet else said)
+
+
+def test_a_command_that_resumes_says_so_on_ctrl_c(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def command() -> None:
+        with resumable("the same command with --resume resumes"):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("sys.argv", ["peakmark"])
+    with pytest.raises(SystemExit) as ended:
+        run_command(command)
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "interrupted: the same command with --resume resumes\n"
+
+
+def test_a_real_command_that_is_interrupted_resumes(tmp_path: Path) -> None:
+    command = [sys.executable, str(ROOT / "scripts" / "evaluate_cave.py"), "--rooms", "50", "--views", "1"]
+    command += ["--size", "0.2", "--out", str(tmp_path / "out")]
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment
+    ) as run:
+        journal = tmp_path / "out" / "journal.jsonl"
+        for _ in range(3000):
+            if run.poll() is not None or (journal.exists() and len(journal.read_text().splitlines()) > 1):
+                break
+            time.sleep(0.1)
+        run.send_signal(signal.SIGINT)
+        _, said = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert said.splitlines()[-1] == "interrupted: the same command resumes"
+    assert len(journal.read_text().splitlines()) > 1
