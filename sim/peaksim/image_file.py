@@ -24,7 +24,8 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP")
 """Formats that are read. Others that Pillow knows are refused: some of them run programs."""
 
 _ORIENTATION = 0x0112  # the tag of EXIF and TIFF
-_BITS = 0x0102  # of TIFF
+_BITS, _PHOTOMETRIC, _SAMPLE_FORMAT = 0x0102, 0x0106, 0x0153  # of TIFF
+_WHITE_IS_ZERO, _SIGNED = 0, 2  # their values
 
 
 def read_image(
@@ -61,7 +62,8 @@ def read_image(
     except ImageError as error:
         raise ImageError(f"{path}: {error}") from error
     except UnidentifiedImageError as error:
-        raise ImageError(f"{path}: expected an image ({', '.join(FORMATS)}), found none") from error
+        expected = f"expected an image ({', '.join(FORMATS)}; in TIFF of 8 or 16 bits, or grey of 32-bit floats)"
+        raise ImageError(f"{path}: {expected}, found none") from error
     except Image.DecompressionBombError as error:
         raise ImageError(f"{path}: expected at most {largest} {unit}: {error}") from error
     except (OSError, ValueError, SyntaxError, EOFError, TypeError, KeyError, IndexError, ArithmeticError) as error:
@@ -120,15 +122,19 @@ def _turned(levels: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 def _levels(image: Any) -> NDArray[Any]:
     """Return a Pillow image's grey levels or colours, rotated as Pillow decodes them."""
-    if image.format == "TIFF" and image.mode == "I" and max(image.tag_v2.get(_BITS, (8,))) > 16:
+    tags = image.tag_v2 if image.format == "TIFF" else {}
+    if image.mode == "I" and max(tags.get(_BITS, (8,))) > 16:
         raise ImageError("expected grey levels of 8 or 16 bits, or floating point in 0…1, got integers of 32 bits")
+    if _SIGNED in tags.get(_SAMPLE_FORMAT, ()):
+        raise ImageError("expected grey levels of 8 or 16 bits, or floating point in 0…1, got signed integers")
     if image.mode == "F":
         return _from_floats(np.asarray(image))
     if image.mode in ("I;16", "I;16L", "I;16B", "I;16N", "I"):
         levels = np.asarray(image).astype(np.int64)
         if levels.min() < 0 or levels.max() > 65535:
             raise ImageError(f"expected grey levels of 16 bits, got {levels.min()}…{levels.max()}")
-        return levels.astype(np.uint16)
+        # Pillow (13.0) turns white-is-zero round for 8 bits only
+        return (65535 - levels if tags.get(_PHOTOMETRIC) == _WHITE_IS_ZERO else levels).astype(np.uint16)
     return np.asarray(image.convert("L" if image.mode in ("1", "L", "LA") else "RGB"))
 
 

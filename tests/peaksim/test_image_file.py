@@ -144,3 +144,30 @@ def test_levels_of_no_known_range_are_refused_with_the_files_name(
 def test_odd_metadata_does_not_spoil_the_pixels(tmp_path: Path) -> None:
     Image.fromarray(RGB).save(tmp_path / "p.png", exif=b"Exif\0\0II*\0\xff\xff\xff\xff" + b"\xff" * 40)
     assert np.array_equal(read_image(tmp_path / "p.png"), RGB)
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.int16, np.int32])
+def test_signed_integers_are_refused_rather_than_read_as_black(tmp_path: Path, dtype: type) -> None:
+    tifffile.imwrite(tmp_path / "p.tif", (GRAY // 2).astype(dtype))
+    with pytest.raises(ImageError, match=r"p\.tif: expected grey levels of 8 or 16 bits, .* got (signed )?integers"):
+        read_image(tmp_path / "p.tif")
+
+
+@pytest.mark.parametrize("factor", [1, 257])
+def test_white_may_be_zero(tmp_path: Path, factor: int) -> None:
+    levels = GRAY if factor == 1 else GRAY.astype(np.uint16) * np.uint16(factor)
+    tifffile.imwrite(tmp_path / "p.tif", levels, photometric="miniswhite")
+    assert np.array_equal(read_image(tmp_path / "p.tif"), 255 * factor - levels.astype(int))
+
+
+@pytest.mark.parametrize("image", [GRAY / 255, np.dstack([GRAY / np.float32(255)] * 3)], ids=["double", "RGB floats"])
+def test_tiffs_of_other_kinds_are_told_what_is_read(tmp_path: Path, image: np.ndarray) -> None:
+    tifffile.imwrite(tmp_path / "p.tif", image, photometric="rgb" if image.ndim == 3 else "minisblack")
+    with pytest.raises(ImageError, match=r"p\.tif: expected an image \(.* in TIFF of 8 or 16 bits, or grey of 32-bit"):
+        read_image(tmp_path / "p.tif")
+
+
+def test_levels_of_ten_bits_are_scaled_to_sixteen(tmp_path: Path) -> None:
+    levels = GRAY.astype(int) * 4
+    (tmp_path / "p.pgm").write_bytes(b"P5 8 6 1023\n" + levels.astype(">u2").tobytes())
+    assert np.abs(read_image(tmp_path / "p.pgm") - levels * 65535 / 1023).max() <= 0.5001
