@@ -10,7 +10,9 @@ from tests.house import circles, files_of, graph_of, imported, upward
 from tests.places import ROOT
 
 SIM_FLOORS = (
+    ("peaksim.compiling",),
     ("peaksim.errors", "peaksim.kernel", "peaksim.lazy", "peaksim.threads", "peaksim.whole_file"),
+    ("peaksim.text_file",),
     ("peaksim.shipped", "peaksim.toml_file", "peaksim.image_file", "peaksim.geometry"),
     ("peaksim.camera",),
     ("peaksim.scene",),

@@ -7,6 +7,7 @@ from peaksim.corpus.draws import Draws, corpus_draws
 from peaksim.corpus.spec import CameraChoice, CorpusSpec
 from peaksim.corpus.spread import Spread
 from peaksim.errors import SceneError
+from peaksim.scene.build import check_focal_length
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def _drawn_camera(choice: CameraChoice, draws: Draws, name: str) -> Camera:
 
     fx = value("fx", choice.fx, 0.0)
     try:
-        return Camera(
+        drawn = Camera(
             width=choice.width,
             height=choice.height,
             fx=fx,
@@ -54,5 +55,6 @@ def _drawn_camera(choice: CameraChoice, draws: Draws, name: str) -> Camera:
             distortion=tuple(value(f"distortion{k}", spread, 0.0) for k, spread in enumerate(choice.distortion)),
             model=choice.model,
         )
+        return check_focal_length(drawn)
     except SceneError as error:
         raise SceneError(f"cameras.{name}: {error}") from error

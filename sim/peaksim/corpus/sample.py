@@ -18,7 +18,7 @@ from peaksim.corpus.plan import FramePlan
 from peaksim.corpus.spec import PictureTable
 from peaksim.errors import InputError, RendererError
 from peaksim.geometry.pose import Pose, invert, transform
-from peaksim.image_file import read_image
+from peaksim.image_file import read_image_8_bits
 from peaksim.rendering import Renderer, render
 from peaksim.scene.lamps import plain_values
 from peaksim.scene.scene import Scene, rectangle_m
@@ -87,7 +87,7 @@ def decode_image(content: bytes, name: str) -> NDArray[np.uint8]:
     ImageError
         That names the image.
     """
-    return np.asarray(read_image(BytesIO(content), name), dtype=np.uint8)
+    return read_image_8_bits(BytesIO(content), name)
 
 
 def to_line(value: Any) -> bytes:

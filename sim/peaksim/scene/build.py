@@ -18,7 +18,7 @@ from peaksim.errors import InputError, SceneError
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.pose import Pose, compose, look_at, rotation_about
 from peaksim.geometry.trajectory import Trajectory
-from peaksim.image_file import read_image
+from peaksim.image_file import read_image, read_image_8_bits
 from peaksim.scene import schema as schema
 from peaksim.scene.lamps import WINDOW_RADIANCE, AreaLight, Environment
 from peaksim.scene.material import PRINT, Material, linear_from_srgb
@@ -116,12 +116,9 @@ def _find_image(file: str, folder: Path, field: str) -> Path:
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     try:
-        photo = read_image(path)
+        return read_image_8_bits(path)
     except InputError as error:
         raise SceneError(f"{field}: {error}") from error
-    if photo.dtype != np.uint8:
-        raise SceneError(f"{field}: expected an 8-bit image, got {photo.dtype}")
-    return np.asarray(photo, dtype=np.uint8)
 
 
 def scale_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
@@ -337,7 +334,7 @@ def build_camera(table: schema.CameraTable) -> Camera:
     """Return the camera; focal length and principal point default to square pixels and the image centre."""
     base = _base_camera(table)
     own = {name: getattr(table, name) for name in ("fy", "cx", "cy") if getattr(table, name) is not None}
-    return replace(
+    built = replace(
         base,
         **own,
         distortion=table.distortion,
@@ -346,6 +343,23 @@ def build_camera(table: schema.CameraTable) -> Camera:
         exposure_s=table.exposure_s,
         thin_lens=_thin_lens(table),
     )
+    return check_focal_length(built)
+
+
+def check_focal_length(camera: Camera) -> Camera:
+    """Return a camera from a file whose focal length can be one in px.
+
+    Raises
+    ------
+    SceneError
+        If its angle of view would be above 175°, or 360° for a fisheye: lengths in mm, or in image widths, give that.
+    """
+    most = np.pi if camera.model == "fisheye" else np.tan(np.deg2rad(87.5))
+    for name, focal, size in (("fx", camera.fx, camera.width), ("fy", camera.fy, camera.height)):
+        least = size / 2 / most
+        if focal < least:
+            raise SceneError(f"camera: {name}: expected px, at least {least:.3g} for {size} px, got {focal:g}")
+    return camera
 
 
 def _thin_lens(table: schema.CameraTable) -> ThinLens | None:

@@ -14,7 +14,7 @@ from peaksim.scene import build as scene_build
 from peaksim.scene import posters as scene_posters
 from peaksim.scene.scene import Scene
 from peaksim.scene.schema import SceneTable
-from peaksim.toml_file import parse_toml, validate
+from peaksim.toml_file import parse_toml, suggestion, validate
 
 
 @dataclass(frozen=True)
@@ -111,5 +111,7 @@ def build_sensor(settings: Mapping[str, Any]) -> Sensor:
     known = list(Sensor.__dataclass_fields__)
     for name in settings:
         if name not in known:
-            raise SceneError(f"sensor.{name}: unknown field, expected one of {', '.join(known)}")
+            raise SceneError(
+                f"sensor.{name}: unknown field, expected one of {', '.join(known)}{suggestion(name, known)}"
+            )
     return Sensor(**settings)

@@ -6,18 +6,22 @@ from typing import Annotated
 
 from peaksim.corpus import check_corpus, load_spec, make_corpus
 from peaksim.corpus.backends import Backend, in_process, on_dask, processes
-from rich.console import Console
-from typer import Argument, Exit, Option, Typer
+from typer import Argument, Exit, Option
 
+from peakmark.cli.command import examples, plain_app
 from peakmark.cli.options import Dask, Quiet, Workers
-from peakmark.cli.terminal import print_path, progress_bar
+from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.errors import InputError
 from peakmark.report.corpus_page import open_page, save_recording, show_frames
 
-app = Typer(no_args_is_help=True, help="Annotated image sets of any size, rendered with exact truth.")
+app = plain_app(no_args_is_help=True, help="Annotated image sets of any size, rendered with exact truth.")
 
 
 @app.command()
+@examples(
+    "peakmark corpus make scenes/experiments/corpus_small.toml --out out/corpus",
+    "peakmark corpus make mine.toml --frames 1000 --workers 4 --out s3://bucket/name",
+)
 def make(
     spec: Annotated[Path, Argument(help="Specification, such as scenes/experiments/corpus_small.toml.")],
     out: Annotated[str, Option(help="Folder, or fsspec URL such as s3://bucket/name.")] = "out/corpus",
@@ -31,7 +35,7 @@ def make(
 
     CORPUS.md says what a specification states and what the corpus holds.
     """
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     wanted = load_spec(spec, seed=seed, frames=frames)
     with progress_bar(console, "render", wanted.frames) as bar:
         made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), bar.advance)
@@ -58,20 +62,22 @@ def backend_of(workers: int | None, dask: str | None) -> Backend:
 
 
 @app.command()
+@examples("peakmark corpus check out/corpus", "peakmark corpus check s3://bucket/name")
 def check(corpus: Annotated[str, Argument(help="Folder or URL of a finished corpus.")], quiet: Quiet = False) -> None:
     """Verify every file of a corpus; print what is wrong and exit with 1, or say that all is well."""
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     with progress_bar(console, "check") as bar:
         faults = check_corpus(corpus, bar.advance)
         checked = bar.done
     for fault in faults:
-        console.print(fault, markup=False, highlight=False, soft_wrap=True)
+        console.print(fault, highlight=False, soft_wrap=True)
     if faults:
         raise Exit(1)
     console.print(f"{checked} files, all as they were written")
 
 
 @app.command()
+@examples("peakmark corpus show out/corpus", "peakmark corpus show out/corpus --frame 3 --frame 7 --open")
 def show(
     corpus: Annotated[str, Argument(help="Folder or URL of a finished corpus.")],
     frame: Annotated[list[int] | None, Option(help="Frame to show; may be repeated. [default: 12 even steps]")] = None,
@@ -84,6 +90,6 @@ def show(
     page = show_frames(corpus, frame or None, out)
     if rrd is not None:
         save_recording(corpus, frame or None, rrd)
-    print_path(Console(quiet=quiet), page, "Images")
+    print_path(new_console(quiet), page, "Images")
     if view:
         open_page(page)

@@ -19,6 +19,11 @@ FIGURES_WITH_INTERVALS = (*FIGURES, "low", "high", "of")
 """Head of a table of figures with their intervals and the size of the sample."""
 
 
+def new_console(quiet: bool = False) -> Console:
+    """Return what prints on the terminal: text as it is, neither [brackets] nor :colons: are markup."""
+    return Console(quiet=quiet, markup=False, emoji=False)
+
+
 @dataclass(frozen=True)
 class Bar:
     """A progress bar on the terminal."""
@@ -45,7 +50,7 @@ class Bar:
 @contextmanager
 def progress_bar(console: Console, title: str, total: int | None = None) -> Iterator[Bar]:
     """Show a bar while the block runs; a total that is not known yet is None."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=console.quiet) as progress:
         yield Bar(progress, progress.add_task(title, total=total))
 

@@ -24,6 +24,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from peaksim.toml_file import suggestion
 
 from peakmark import surf
 from peakmark.detectors.vlfeat import require_vlfeat, vlfeat_sift
@@ -83,9 +84,14 @@ def settings_of(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
     InputError
         If the detector is unknown, or does not take one of the parameters.
     """
+    detector = signature(find_detector(name))
     try:
-        call = signature(find_detector(name)).bind(None, **parameters)
+        call = detector.bind(None, **parameters)
     except TypeError as error:
+        known = list(detector.parameters)[1:]
+        if unknown := [key for key in parameters if key not in known]:
+            wrong = f"unknown parameter {unknown[0]}{suggestion(unknown[0], known)}"
+            raise InputError(f"detector {name}: {wrong}, expected some of {', '.join(known)}") from error
         raise InputError(f"detector {name}: {error}") from error
     call.apply_defaults()
     settings = {**call.arguments, **call.kwargs}

@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.text_file import read_text
 
 from peakmark.errors import InputError
 from peakmark.plain import from_plain
@@ -97,12 +98,8 @@ def _check(classifier: Classifier) -> None:
 def load_classifier(path: str | Path) -> Classifier:
     """Read a classifier from a JSON file of at most 1 MB; one that cannot be read or is none is an `InputError`."""
     try:
-        if Path(path).stat().st_size > _LARGEST_FILE:
-            raise InputError(f"{path}: expected a classifier of at most {_LARGEST_FILE} bytes")
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
+        content = json.loads(read_text(Path(path), _LARGEST_FILE))
+    except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON: {error}") from error
     try:
         return Classifier.from_plain(content)

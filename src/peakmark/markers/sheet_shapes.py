@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import ImageFont
 
 from peakmark.markers.patterns import DOG_RATIO, Polarity
 
@@ -58,6 +59,25 @@ class Text:
     """Font size."""
     text: str
     """Printable characters of Latin-1."""
+
+
+def text_length(text: str) -> float:
+    """Return the length of a line in its heights, the longer of Pillow's font (PNG) and Helvetica's (PDF, SVG)."""
+    return max(sum(map(_helvetica_width, text)), _FONT.getlength(text) / 100)
+
+
+def _helvetica_width(letter: str) -> float:
+    """Return the width in font sizes, rounded up (Adobe's font metrics have four digits a letter)."""
+    if letter in "ijlI ,.:;!|'/":
+        return 0.28
+    if letter in "WM@%Æ¼½¾©®":
+        return 1.02
+    if letter in "mw" or letter.isupper() or not letter.isascii():
+        return 0.9
+    return 0.56 if letter.isalnum() else 0.67
+
+
+_FONT = ImageFont.load_default(size=100)
 
 
 Item = Box | Disc | Dog | Text

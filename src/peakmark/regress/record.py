@@ -110,7 +110,7 @@ def read_record(path: Path) -> Record:
         As `from_text`, or if it cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     return from_text(text, str(path))

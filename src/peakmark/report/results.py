@@ -61,7 +61,7 @@ def _publish(stage: Path, target: Path) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Write plain values, or records of them (`to_plain`), as indented JSON; nan is refused, None is null."""
     text = json.dumps(to_plain(value), indent=2, allow_nan=False, ensure_ascii=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    path.write_bytes((text + "\n").encode("utf-8", "backslashreplace"))  # a file name may be no UTF-8: \udc80 in JSON
 
 
 def peak_memory_mb() -> float:

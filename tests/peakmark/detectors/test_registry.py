@@ -136,3 +136,10 @@ def test_vlfeat_without_pycolmap_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     with pytest.raises(InputError, match=r"pip install 'peakmark\[vlfeat\]'"):
         find_detector("vlfeat")
+
+
+def test_a_mistyped_parameter_gets_a_guess() -> None:
+    with pytest.raises(
+        InputError, match=r"surf: unknown parameter treshold \(did you mean 'threshold'\?\), expected some"
+    ):
+        settings_of("surf", {"treshold": 1.0})

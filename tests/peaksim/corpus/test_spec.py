@@ -95,6 +95,7 @@ def test_a_contradiction_inside_the_specification_is_refused(fields: dict[str, A
             {"views": [{"kind": "random", "eye_m": [0, 0, [2, 3]], "target_m": [0, 0, 0]}]},
             r"views\[0\].eye_m: expected z inside the room 0…1.5, got 2…3",
         ),
+        ({"cameras": [{**BASE["cameras"][0], "fx": 0.3}]}, "cameras.cam: camera: fx: expected px, at least"),
         ({"cameras": [{**BASE["cameras"][0], "distortion": [-2, 0, 0, 0]}]}, "cameras.cam: camera: distortion"),
     ],
     ids=str,

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.text_file import read_text
 
 from peakmark.errors import InputError
 
@@ -21,6 +22,8 @@ REQUIRED = 0.95
 
 COLUMNS = ("marker", "detector", "noise", "tilt_deg", "side_px", "detected", "detected_low")
 """Of the shipped table."""
+
+_LARGEST_FILE = 10_000_000  # bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +76,23 @@ def load_rates(
 
 @cache
 def _table(path: Path | None) -> tuple[tuple[str, ...], ...]:
-    try:
-        text = (path or Path(__file__).with_name("envelope.csv")).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path or 'envelope.csv'}: expected a table of rates, got {error}") from error
-    head, *lines = text.splitlines() or [""]
+    file = path or Path(__file__).with_name("envelope.csv")
+    head, *lines = read_text(file, _LARGEST_FILE).splitlines() or [""]
     if tuple(head.split(",")) != COLUMNS:
-        raise InputError(f"{path or 'envelope.csv'}: expected columns {', '.join(COLUMNS)}, got {head[:80]!r}")
-    return tuple(tuple(line.split(",")) for line in lines)
+        raise InputError(f"{file}: expected columns {', '.join(COLUMNS)}, got {head[:80]!r}")
+    rows = tuple(tuple(line.split(",")) for line in lines)
+    for number, row in enumerate(rows, 2):
+        if len(row) != len(COLUMNS) or not all(map(_is_number, row[3:])):
+            expected = f"{len(COLUMNS)} columns, numbers from {COLUMNS[3]} on"
+            raise InputError(f"{file}: line {number}: expected {expected}, got {lines[number - 2]!r:.80}")
+    return rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text)))
+    except ValueError:
+        return False
 
 
 def reach(rates: Rates, focal_px: float, side_m: float, required: float = REQUIRED) -> list[Reach]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import save_trajectory
+from peaksim.image_file import read_image
 from peaksim.whole_file import whole_file
 from PIL import Image
 
@@ -93,8 +94,7 @@ def _write(folder: Path, flight: Flight, flown: Flown, result: FlightResult, ima
     _write_poses(folder, flown)
     with film(folder / "flight.mp4", flight.ride.frames_per_second, WIDTH_PX) as append:
         for path in images:
-            with Image.open(path) as image:
-                append(np.asarray(image.convert("RGB")))
+            append(read_image(path))
     if flown.floor_map is not None:
         figure, ax = plots.new_figure(7, 7)
         flight_report.draw_top_view(ax, flown)

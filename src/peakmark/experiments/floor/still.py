@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, get_args
@@ -28,6 +28,7 @@ from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 from peakmark.report.views import curve_section, write_views
 from peakmark.score.markers import Localisation, ScoreSummary, at_markers, localisation
+from peakmark.score.wanted import IN_VIEW, SMALLEST_PX
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,8 @@ class FloorResult:
     time_s: dict[str, float]
     """Seconds for "load", "render" (with the sensor), "detect" and "identify", over all frames."""
     peak_memory_mb: float
+    remarks: tuple[str, ...] = ()
+    """Why no marker was found, where none was."""
 
 
 def run_floor(config: FloorConfig, out: str | Path, on_step: OnStep = lambda done, of: None) -> FloorResult:
@@ -166,11 +169,30 @@ def run_floor(config: FloorConfig, out: str | Path, on_step: OnStep = lambda don
             time_s={"load": load_s, **{stage: sum(row.time_s[stage] for row in rows) for stage in rows[0].time_s}},
             peak_memory_mb=peak_memory_mb(),
         )
+        if result.score.markers_found == 0:
+            result = replace(result, remarks=reasons(first.frame.truth, config))
         if config.frames > 1:
             write_rows(folder / "frames.csv", rows)
         _write_report(folder, first, rows, result, images)
         write_json(folder / "result.json", result)
     return result
+
+
+def reasons(truth: Sequence[MarkerTruth], config: FloorConfig) -> tuple[str, ...]:
+    """Return what may have kept the markers of a frame from being found."""
+    shown = IN_VIEW.of(truth)
+    if not shown:
+        return ("no marker of the scene is fully in view: is the camera where [[trajectory]] should put it?",)
+    sides, tilts = [t.side_px for t in shown], [t.tilt_deg for t in shown]
+    lines = [f"found 0 of {len(shown)} markers with stretch {config.stretch:g}"]
+    fitting = min(LARGEST, 1 / np.cos(np.deg2rad(min(float(np.median(tilts)), 89.0))))
+    if not 0.75 <= config.stretch / fitting <= 1.5:
+        lines.append(f"they are tilted by {min(tilts):.0f}…{max(tilts):.0f}°: try --stretch {fitting:.2g}")
+    note = f", and are found reliably from {SMALLEST_PX:g} px on" if min(sides) < SMALLEST_PX else ""
+    lines.append(f"their sides are {min(sides):.0f}…{max(sides):.0f} px in the image{note}")
+    if others := sorted({t.kind for t in shown} - {"surf-dark"}):
+        lines.append(f"only surf-dark is searched for, and there are {', '.join(others)}")
+    return tuple(lines)
 
 
 def figures_of(view: FloorView) -> dict[str, Any]:
@@ -193,7 +215,7 @@ def _write_report(
         f"scene “{config.scene}”, "
         f"floor {config.texture or 'default'}, stretch {config.stretch:g}, seed {config.seed}, "
         f"renderer {result.renderer}{' on ' + result.gl_renderer if result.gl_renderer else ''}. "
-        f"{error_budget(result.renderer)}."
+        f"{error_budget(result.renderer)}." + "".join(f" {remark[0].upper()}{remark[1:]}." for remark in result.remarks)
     )
     sections = [
         Section("Result", table=Table(("figure", "value"), result_rows(result))),
@@ -226,6 +248,7 @@ def result_rows(result: FloorResult) -> list[tuple[str, Any]]:
     """Return the headline figures with units, for the report and the terminal."""
     score, times = result.score, result.time_s
     return [
+        ("stretch", result.config.stretch),
         ("features", result.features),
         ("markers in view", score.markers_in_view),
         ("markers found", score.markers_found),
