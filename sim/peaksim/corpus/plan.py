@@ -22,7 +22,8 @@ from peaksim.geometry.pose import Pose
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
 from peaksim.scene.build import build_camera
-from peaksim.scene.file import Setup, build_setup, read_table
+from peaksim.scene.file import Setup, build_setup, find_scene_beside, read_table
+from peaksim.shipped import path_inside
 from peaksim.scene.scene import Light, Scene
 from peaksim.scene.schema import RoomTable, SceneTable
 
@@ -183,8 +184,7 @@ def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
 
 def read_scene(file: str, folder: Path) -> tuple[SceneTable, Path]:
     """Return the tables of a scene: a file beside the specification, or the name of one that ships."""
-    beside = folder / file
-    return read_table(beside if beside.is_file() else file)
+    return read_table(find_scene_beside(folder, file, "scenes.file"))
 
 
 def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
@@ -202,5 +202,5 @@ def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCa
 
 def _trajectory(view: AnyView, setup: Setup, folder: Path) -> Trajectory:
     if isinstance(view, FlightView) and view.file is not None:
-        return load_trajectory(folder / view.file)
+        return load_trajectory(path_inside(folder, view.file, "views.file"))
     return setup.trajectory

@@ -69,14 +69,8 @@ def _load_texture(name: str, table: schema.TextureTable, variant: str | None, fo
         if variant not in table.variants:
             raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
         field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
-    photo = _read_photo(_find_image(str(file), folder, field), field)
+    photo = _read_photo(shipped.file_beside(folder, str(file), field), field)
     return Paper(scale_contrast(photo, table.contrast, table.mean), table.photo_m)
-
-
-def _find_image(file: str, folder: Path, field: str) -> Path:
-    """Return an image file beside the scene file, or else among the shipped assets."""
-    beside = folder / file
-    return shipped.file_inside(folder if beside.is_file() else shipped.ASSETS, file, field)
 
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:

@@ -83,6 +83,13 @@ def test_a_contradiction_inside_the_specification_is_refused(fields: dict[str, A
     ("fields", "words"),
     [
         ({"scenes": [{"file": "nothing.toml"}]}, "nothing.toml: cannot be read"),
+        (
+            {"scenes": [{"file": "../../etc/passwd"}]},
+            "scenes.file: expected a path inside specs/, got '../../etc/passwd'",
+        ),
+        ({"scenes": [{"file": "/etc/passwd"}]}, "scenes.file: expected a path inside specs/, got '/etc/passwd'"),
+        ({"scenes": [{"file": "a\0b"}]}, r"scenes.file: expected a path, got 'a\\x00b'"),
+        ({"views": [{"kind": "flight", "file": "../poses.txt"}]}, "views.file: expected a path inside specs/, got"),
         ({"textures": {"lawn": {"mean": 3}}}, r"textures.lawn: expected a texture of the scenes \(floor, wall\)"),
         ({"markers": {"kinds": ["sift-dark-none"]}}, "tiny.toml: markers.* expected one of .*surf-dark"),
         ({"markers": {"shift_m": [-0.9, 0.9]}}, "tiny.toml: markers: expected shifts .* keep every marker in the room"),

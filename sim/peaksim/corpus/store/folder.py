@@ -22,11 +22,11 @@ class FolderStore:
     def __init__(self, dest: str, *, new: bool) -> None:
         self.url = dest
         self.root = Path(dest)
-        if self.root.exists() and not self.root.is_dir():
-            raise InputError(f"{dest}: expected a folder, found a file")
-        if not self.root.exists() and not new:
-            raise InputError(f"{dest}: expected a corpus, found nothing there")
         with self._reported(""):
+            if self.root.exists() and not self.root.is_dir():
+                raise InputError(f"{dest}: expected a folder, found a file")
+            if not self.root.exists() and not new:
+                raise InputError(f"{dest}: expected a corpus, found nothing there")
             self.root.mkdir(parents=True, exist_ok=True)
 
     @contextmanager
@@ -69,19 +69,22 @@ class FolderStore:
 
     def exists(self, name: str) -> bool:
         """Return whether a file is there."""
-        return self._path(name).is_file()
+        with self._reported(name):
+            return self._path(name).is_file()
 
     def names(self, prefix: str = "") -> Iterator[str]:
         """Yield the names of all files below a folder; unfinished files are left out."""
-        for folder, _, files in os.walk(self.root / prefix):
-            relative = Path(folder).relative_to(self.root)
-            if relative.parts[:1] != (_UNFINISHED,):
-                yield from ((relative / file).as_posix() for file in files)
+        with self._reported(prefix):
+            for folder, _, files in os.walk(self.root / prefix, onerror=_raise_unless_missing):
+                relative = Path(folder).relative_to(self.root)
+                if relative.parts[:1] != (_UNFINISHED,):
+                    yield from ((relative / file).as_posix() for file in files)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
         """Exclude other runs, and clear what a killed run left unfinished; the kernel frees the lock in any case."""
-        handle = os.open(self.root, os.O_RDONLY)
+        with self._reported(""):
+            handle = os.open(self.root, os.O_RDONLY)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -109,3 +112,9 @@ class FolderStore:
             yield
         except OSError as error:
             raise InputError(f"{self.url}: {name or 'folder'}: {error.strerror or error}") from error
+
+
+def _raise_unless_missing(error: OSError) -> None:
+    """Report a folder that cannot be listed: its files would seem to be missing."""
+    if not isinstance(error, FileNotFoundError):
+        raise error
