@@ -3,19 +3,17 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from peaksim import shipped
+from peaksim.corpus.inputs import hash_file, input_files
 from peaksim.corpus.layout import CONFIGURATION, FORMAT
 from peaksim.corpus.plan import read_scene
-from peaksim.corpus.spec import CorpusSpec, FlightView, spec_from_json, spec_to_json
+from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
 from peaksim.corpus.store.base import Store
 from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
-from peaksim.scene.file import find_scene
 
 _PACKAGES = (
     "peakmark",
@@ -44,7 +42,7 @@ class Configuration:
     kinds: tuple[str, ...]
     """Every kind of marker that can come, sorted."""
     inputs: dict[str, str]
-    """Scene, texture, marker and trajectory files by the name that the specification or scene gives them → SHA-256."""
+    """Scene, texture, marker and trajectory files, named from the specification's folder or as shipped → SHA-256."""
     versions: dict[str, str]
     """Package → version."""
 
@@ -67,26 +65,8 @@ def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_rendere
     scenes = [read_scene(choice.file, folder) for choice in spec.scenes]
     single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
     kinds = tuple(sorted(single.union(*(poster_kinds(table) for table, _ in scenes))))
-    files = dict(sorted(_input_files(spec, folder, kinds)))
-    inputs = {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
+    inputs = {name: hash_file(file) for name, file in input_files(spec, folder, kinds).items()}
     return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions())
-
-
-def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
-    for choice in spec.scenes:
-        file = folder / choice.file
-        yield choice.file, file if file.is_file() else find_scene(choice.file)
-        table, scene_folder = read_scene(choice.file, folder)
-        for texture in table.textures.values():
-            for name in [texture.file, *texture.variants.values()]:
-                if name is not None:
-                    beside = scene_folder / name
-                    yield name, beside if beside.is_file() else shipped.ASSETS / name
-    for kind in kinds:
-        yield f"markers/{kind}.png", shipped.ASSETS / "markers" / f"{kind}.png"
-    for view in spec.views:
-        if isinstance(view, FlightView) and view.file is not None:
-            yield view.file, folder / view.file
 
 
 def versions() -> dict[str, str]:

@@ -18,7 +18,7 @@ from peaksim.corpus.plan import corpus_cameras, plan_frame
 from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
 from peaksim.corpus.store.base import Store, write_file
 from peaksim.corpus.store.opening import open_store
-from peaksim.corpus.write import Job, write_part, write_shard
+from peaksim.corpus.write import Job, open_job, write_part, write_shard
 from peaksim.rendering import render
 
 _PROBE_PX = 16  # width of the image that tells which renderer is available
@@ -77,6 +77,7 @@ def make_corpus(
             rendered = _write_shards(store, job, spec, backend, on_frames)
             for _ in backend.run(partial(write_part, job), range(layout.part_count(spec))):
                 pass
+            open_job(job).inputs.require_same()
             _finish(store, configuration, folder)
     return Made(spec.frames, rendered, configuration)
 

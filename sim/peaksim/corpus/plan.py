@@ -23,9 +23,9 @@ from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
 from peaksim.scene.build import build_camera
 from peaksim.scene.file import Setup, build_setup, find_scene_beside, read_table
-from peaksim.shipped import path_inside
 from peaksim.scene.scene import Light, Scene
 from peaksim.scene.schema import RoomTable, SceneTable
+from peaksim.shipped import path_inside
 
 MOST_ATTEMPTS = 1000
 """Views drawn for one frame before the specification is called contradictory. `check_spec` allows a tenth, so that a

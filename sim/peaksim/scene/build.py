@@ -167,13 +167,19 @@ def _marker_quad(name: str, table: schema.MarkerTable | schema.MarkerPathTable, 
     texel_m = table.side_m / len(pattern)
     border = round(table.border_m / texel_m)
     side_m = (len(pattern) + 2 * border) * texel_m
-    return Quad(name, _tile(table.kind, border), (side_m, side_m), pose, Mark(name, table.kind, table.side_m))
+    return Quad(
+        name,
+        _tile(pattern.tobytes(), pattern.shape, border),
+        (side_m, side_m),
+        pose,
+        Mark(name, table.kind, table.side_m),
+    )
 
 
 @lru_cache(maxsize=64)
-def _tile(kind: str, border: int) -> Texture:
+def _tile(pattern: bytes, shape: tuple[int, ...], border: int) -> Texture:
     """Return a pattern with a white border of whole texels; equal markers share one texture."""
-    return Texture.from_array(np.pad(marker_pattern(kind, "kind"), border, constant_values=_WHITE))
+    return Texture.from_array(np.pad(np.frombuffer(pattern, np.uint8).reshape(shape), border, constant_values=_WHITE))
 
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
