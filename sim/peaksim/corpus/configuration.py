@@ -7,13 +7,17 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from peaksim.corpus.inputs import hash_file, input_files
 from peaksim.corpus.layout import CONFIGURATION, FORMAT
 from peaksim.corpus.plan import read_scene
-from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
+from peaksim.corpus.spec import CorpusSpec, spec_to_json
 from peaksim.corpus.store.base import Store
 from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
+
+_LARGEST_FILE = 1 << 26  # bytes of corpus.json; a specification has at most a million
 
 _PACKAGES = (
     "peakmark",
@@ -57,7 +61,10 @@ class Configuration:
             "inputs": self.inputs,
             "versions": self.versions,
         }
-        return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
+        return to_json(values)
+
+
+_FILE = TypeAdapter(Configuration)
 
 
 def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
@@ -88,24 +95,39 @@ def read_configuration(store: Store) -> Configuration:
     InputError
         If there is none, or it is of another format.
     """
+    content, where = store.read(CONFIGURATION, _LARGEST_FILE), f"{store.url}: {CONFIGURATION}"
     try:
-        values = json.loads(store.read(CONFIGURATION))
-        if values["format"] != FORMAT:
-            raise InputError(f"{store.url}: {CONFIGURATION}: expected format {FORMAT!r}, got {values['format']!r}")
-        spec = spec_from_json(json.dumps(values["spec"]))
-        return Configuration(
-            spec,
-            values["renderer"],
-            values["gl_renderer"],
-            tuple(values["kinds"]),
-            values["inputs"],
-            values["versions"],
-        )
-    except (ValueError, KeyError, TypeError) as error:
+        if (format := json.loads(content)["format"]) != FORMAT:
+            raise InputError(f"{where}: expected format {FORMAT!r}, got {format!r:.60}")
+        return _FILE.validate_json(content)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        field = ".".join(map(str, fault["loc"]))
+        raise InputError(f"{where}: expected the configuration of a corpus: {field!r:.80}: {fault['msg']}") from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
-        where = f"{store.url}: {CONFIGURATION}"
         raise InputError(f"{where}: expected the configuration of a corpus: {error!r:.80}") from error
+
+
+def manifest_values(configuration: Configuration, hashes: dict[str, str]) -> dict[str, Any]:
+    """Return what the manifest states: everything but the hashes is as in the configuration."""
+    spec = configuration.spec
+    return {
+        "format": FORMAT,
+        "name": spec.name,
+        "frames": spec.frames,
+        "seed": spec.seed,
+        "renderer": configuration.renderer,
+        "gl_renderer": configuration.gl_renderer,
+        "versions": configuration.versions,
+        "sha256": hashes,
+    }
+
+
+def to_json(values: dict[str, Any]) -> bytes:
+    """Return the content of corpus.json or of the manifest."""
+    return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def claim_store(store: Store, configuration: Configuration) -> None:

@@ -5,14 +5,16 @@ before it counts as made.
 """
 
 import os
+import re
 from collections.abc import Iterator
+from contextlib import suppress
 from hashlib import file_digest
 from pathlib import Path
 
 from peaksim import shipped
 from peaksim.corpus.plan import open_sequence, read_scene
 from peaksim.corpus.spec import CorpusSpec, FlightView
-from peaksim.errors import InputError
+from peaksim.errors import InputError, SceneError
 from peaksim.scene.file import find_scene_beside
 
 Signature = tuple[int, int, int, int]
@@ -72,6 +74,45 @@ def hash_file(file: Path) -> str:
             return file_digest(content, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror}") from error
+
+
+def compare_inputs(
+    spec: CorpusSpec, listed: dict[str, str], folder: Path | None, *, same_version: bool
+) -> tuple[list[str], list[str]]:
+    """Compare the input files that are here with their hashes in corpus.json.
+
+    Parameters
+    ----------
+    spec, listed
+        Of corpus.json.
+    folder
+        Where the specification's files are, None if that is not known: only shipped files are then found.
+    same_version
+        Whether the shipped files should be the same ones.
+
+    Returns
+    -------
+    tuple
+        One line for each that differs; and the names of those that cannot be compared.
+    """
+    only_shipped = all(re.fullmatch(r"[\w-]+", choice.file) for choice in spec.scenes)
+    is_certain = folder is not None or (only_shipped and same_version)
+    differing: list[str] = []
+    unchecked: list[str] = []
+    for name, digest in listed.items():
+        found = list(_found(name, folder))
+        if not any(hash_file(file) == digest for file in found):
+            (differing if found and is_certain else unchecked).append(name)
+    return [f"{name!r}: the input file is not the one of which the corpus was made" for name in differing], unchecked
+
+
+def _found(name: str, folder: Path | None) -> Iterator[Path]:
+    """Yield the files that a name in corpus.json, which may be hostile, can mean."""
+    places = [(folder, name)] if folder is not None else []
+    shipped_root = (shipped.ASSETS, name.removeprefix("assets/"))
+    for root, relative in [*places, (shipped.SCENES, f"{name}.toml"), shipped_root]:
+        with suppress(SceneError):
+            yield shipped.file_inside(root, relative, name)
 
 
 class Inputs:

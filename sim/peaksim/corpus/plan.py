@@ -12,6 +12,7 @@ import numpy as np
 
 from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor
+from peaksim.corpus import layout
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
 from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, sensor_value
@@ -192,7 +193,8 @@ def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
     if spec.cameras:
         return drawn_cameras(spec)
     tables = (read_scene(choice.file, folder)[0] for choice in spec.scenes)
-    return tuple(NamedCamera(f"scene-{i:03d}", build_camera(table.camera), 1.0) for i, table in enumerate(tables))
+    names = layout.camera_names(spec)
+    return tuple(NamedCamera(name, build_camera(table.camera), 1.0) for name, table in zip(names, tables, strict=True))
 
 
 def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCamera:

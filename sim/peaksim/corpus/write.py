@@ -22,6 +22,7 @@ from peaksim.corpus.shard import Shard, shard_in
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Store, Writing, write_file
 from peaksim.corpus.store.opening import open_store
+from peaksim.corpus.sums import Faults, lines_of, sealed_faults
 from peaksim.errors import InputError, RendererError
 
 _ONE_AT_A_TIME = Lock()  # a process has one GL context, which belongs to one thread at a time
@@ -109,21 +110,41 @@ def open_job(job: Job) -> OpenJob:
 # --- shards -------------------------------------------------------------------------------------------------------
 
 
-def write_shard(job: Job, shard: int) -> tuple[int, int]:
-    """Render a shard's missing frames and write its files; return its number and how many frames were rendered.
+@dataclass(frozen=True)
+class Written:
+    """What became of a shard or part."""
+
+    number: int
+    """Its number."""
+    rendered: int
+    """Frames that were rendered now."""
+    damaged: tuple[str, ...] = ()
+    """What was wrong with the files of a finished one, which was then made again; one line a file."""
+
+
+def write_shard(job: Job, shard: int) -> Written:
+    """Render a shard's missing frames and write its files; those of a finished one are compared with its sums.
 
     Repeating it, also at the same time elsewhere, writes the same bytes.
     """
     with _ONE_AT_A_TIME:
         opened = open_job(job)
-        if opened.store.exists(layout.shard_sums_name(shard)):
-            return shard, 0
-        return shard, _write_shard(opened, shard)
+        faults = _faults(opened, layout.shard_sums_name(shard))
+        if faults is not None and not faults:
+            return Written(shard, 0)
+        return Written(shard, _write_shard(opened, shard, frozenset(faults or ())), lines_of(faults or {}))
 
 
-def _write_shard(job: OpenJob, shard: int) -> int:
+def _faults(job: OpenJob, sums_name: str) -> Faults | None:
+    """Return what is wrong with a finished shard or part, None if it is not finished."""
+    if not job.store.exists(sums_name):
+        return None
+    return sealed_faults(job.store, sums_name, layout.listed_in(job.configuration.spec, sums_name))
+
+
+def _write_shard(job: OpenJob, shard: int, damaged: frozenset[str]) -> int:
     store, spec, rendered = job.store, job.configuration.spec, 0
-    there = set(store.names(layout.frames_folder(shard))) if spec.store.files else set()
+    there = set(store.names(layout.frames_folder(shard))) - damaged if spec.store.files else set()
     sums = Sums(store)
     with ExitStack() as stack:
         archive: Shard | None = None
@@ -193,26 +214,26 @@ def read_finished(job: OpenJob, index: int, there: set[str]) -> Sample | None:
 # --- parts --------------------------------------------------------------------------------------------------------
 
 
-def write_part(job: Job, part: int) -> int:
-    """Write the tables of a part, whose shards are finished; return how many frames they hold."""
+def write_part(job: Job, part: int) -> Written:
+    """Write the tables of a part, whose shards are finished; those of a finished one are compared with its sums."""
     opened = open_job(job)
     store, configuration = opened.store, opened.configuration
-    if store.exists(layout.part_sums_name(part)):
-        return 0
+    faults = _faults(opened, layout.part_sums_name(part))
+    if faults is not None and not faults:
+        return Written(part, 0)
     shards = layout.part_shards(configuration.spec, part)
-    sums, frames = Sums(store), 0
+    sums = Sums(store)
     with ExitStack() as stack:
         add = stack.enter_context(part_tables(configuration, lambda name: sums.create(layout.part_name(part, name))))
         for shard in shards:
             for record in read_records(store, shard):
                 add(record)
-                frames += 1
     for shard in shards:
         name = layout.shard_sums_name(shard)
         sums.note(name, sha256(store.read(name)).hexdigest())
     opened.inputs.require_same()
     sums.seal(layout.part_sums_name(part))
-    return frames
+    return Written(part, 0, lines_of(faults or {}))
 
 
 def read_records(store: Store, shard: int) -> Iterator[Record]:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from peaksim.corpus import check_corpus, load_spec, make_corpus
 from peaksim.corpus.backends import Backend, in_process, on_dask, processes
+from peaksim.corpus.check import unchecked_inputs
 from rich.console import Console
 from typer import Argument, Exit, Option, Typer
 
@@ -35,6 +36,8 @@ def make(
     wanted = load_spec(spec, seed=seed, frames=frames)
     with progress_bar(console, "render", wanted.frames) as bar:
         made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), bar.advance)
+    for line in made.damaged:
+        console.print(f"made again: {line}", markup=False, highlight=False, soft_wrap=True)
     gl_renderer = made.configuration.gl_renderer
     drawn_by = made.configuration.renderer + ("" if gl_renderer is None else f" on {gl_renderer}")
     console.print(f"{made.frames} frames, {made.rendered} rendered now, seed {wanted.seed}, renderer {drawn_by}")
@@ -58,17 +61,26 @@ def backend_of(workers: int | None, dask: str | None) -> Backend:
 
 
 @app.command()
-def check(corpus: Annotated[str, Argument(help="Folder or URL of a finished corpus.")], quiet: Quiet = False) -> None:
+def check(
+    corpus: Annotated[str, Argument(help="Folder or URL of a finished corpus.")],
+    inputs: Annotated[
+        Path | None, Option(help="Folder of the specification, to compare its files with the hashes in corpus.json.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
     """Verify every file of a corpus; print what is wrong and exit with 1, or say that all is well."""
     console = Console(quiet=quiet)
     with progress_bar(console, "check") as bar:
-        faults = check_corpus(corpus, bar.advance)
+        faults = check_corpus(corpus, bar.advance, inputs)
         checked = bar.done
     for fault in faults:
         console.print(fault, markup=False, highlight=False, soft_wrap=True)
     if faults:
         raise Exit(1)
     console.print(f"{checked} files, all as they were written")
+    if names := unchecked_inputs(corpus, inputs):
+        text = f"Input files that are not here, and were not compared: {', '.join(map(repr, names))} (see --inputs)"
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -7,9 +7,10 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from hashlib import file_digest
 from pathlib import Path
 
-from peaksim.corpus.store.base import Writing, is_safe
+from peaksim.corpus.store.base import Writing, is_safe, limited
 from peaksim.errors import InputError
 
 _UNFINISHED = ".unfinished"
@@ -62,10 +63,15 @@ class FolderStore:
         with ThreadPoolExecutor(_SYNCS) as pool:
             list(pool.map(sync, names))
 
-    def read(self, name: str) -> bytes:
-        """Return a file's content."""
-        with self._reported(name):
-            return self._path(name).read_bytes()
+    def read(self, name: str, most: int | None = None) -> bytes:
+        """Return a file's content, at most so many bytes."""
+        with self._reported(name), self._path(name).open("rb") as file:
+            return limited(file.read() if most is None else file.read(most + 1), most)
+
+    def sha256(self, name: str) -> str:
+        """Return a file's hash."""
+        with self._reported(name), self._path(name).open("rb") as file:
+            return file_digest(file, "sha256").hexdigest()
 
     def exists(self, name: str) -> bool:
         """Return whether a file is there."""

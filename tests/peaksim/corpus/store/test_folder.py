@@ -124,13 +124,15 @@ def test_a_url_of_no_folder_here_is_one_line(url: str) -> None:
         open_store(url, new=True)
 
 
-def test_a_name_that_no_folder_can_have_and_one_that_cannot_be_listed_are_one_line(tmp_path: Path) -> None:
+def test_a_name_that_no_folder_can_have_and_one_that_cannot_be_listed_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(InputError, match="folder: File name too long"):
         open_store(str(tmp_path / ("x" * 300)), new=True)
     store = open_store(str(tmp_path))
     (tmp_path / "frames").mkdir()
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(InputError, match=r"folder: Permission denied"):
-        patch.setattr(os, "scandir", refuse)
+    monkeypatch.setattr(os, "scandir", refuse)
+    with pytest.raises(InputError, match=r"folder: Permission denied"):
         list(store.names())
 
 
