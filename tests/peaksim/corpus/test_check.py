@@ -146,9 +146,8 @@ def test_a_changed_field_of_the_manifest_is_found(corpus: Path, field: str, valu
     manifest[field] = value
     (corpus / "manifest.json").write_text(json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
     (fault,) = check_corpus(str(corpus))
-    assert fault.startswith(
-        f"'manifest.json': '{field}' is {value!r}" if value != 6 else "'manifest.json': is not what"
-    )
+    same = field == "frames" and value == 6  # equal as a number, other bytes
+    assert fault.startswith("'manifest.json': " + ("is not what was written" if same else f"'{field}' is {value!r}"))
 
 
 @pytest.mark.parametrize("change", [("\n", ""), ('"seed": 5', '"seed": 6, "seed": 5'), ("{", " {")], ids=str)
