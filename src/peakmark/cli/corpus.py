@@ -1,6 +1,8 @@
 """`peakmark corpus make|check|show`: arguments, progress, and what the terminal shows."""
 
 import os
+import signal
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -11,9 +13,14 @@ from rich.console import Console
 from typer import Argument, Exit, Option, Typer
 
 from peakmark.cli.options import Dask, Quiet, Workers
-from peakmark.cli.terminal import print_path, progress_bar
+from peakmark.cli.terminal import notice_if_slow, print_path, progress_bar
 from peakmark.errors import InputError
 from peakmark.report.corpus_page import open_page, save_recording, show_frames
+
+COMPILING = "Preparing. The first run on a machine compiles for about a minute; later ones start at once."
+
+INTERRUPTED = 128 + signal.SIGINT
+"""Exit status, as shells have it."""
 
 app = Typer(no_args_is_help=True, help="Annotated image sets of any size, rendered with exact truth.")
 
@@ -34,8 +41,18 @@ def make(
     """
     console = Console(quiet=quiet)
     wanted = load_spec(spec, seed=seed, frames=frames)
-    with progress_bar(console, "render", wanted.frames) as bar:
-        made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), bar.advance)
+    try:
+        with progress_bar(console, "render", wanted.frames) as bar, notice_if_slow(console, COMPILING) as started:
+
+            def count(frames: int) -> None:
+                if frames:
+                    started()
+                bar.advance(frames)
+
+            made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), count)
+    except KeyboardInterrupt:
+        print("interrupted: the same command resumes", file=sys.stderr)
+        raise Exit(INTERRUPTED) from None
     for line in made.damaged:
         console.print(f"made again: {line}", markup=False, highlight=False, soft_wrap=True)
     gl_renderer = made.configuration.gl_renderer
