@@ -29,14 +29,10 @@ def drawn_cameras(spec: CorpusSpec) -> tuple[NamedCamera, ...]:
     """
     draws = corpus_draws(spec.seed)
     return tuple(
-        NamedCamera(_numbered(choice, i), _drawn_camera(choice, draws, _numbered(choice, i)), choice.weight)
+        NamedCamera(name, _drawn_camera(choice, draws, name), choice.weight)
         for choice in spec.cameras
-        for i in range(choice.count)
+        for name in choice.names
     )
-
-
-def _numbered(choice: CameraChoice, i: int) -> str:
-    return choice.name if choice.count == 1 else f"{choice.name}-{i:03d}"
 
 
 def _drawn_camera(choice: CameraChoice, draws: Draws, name: str) -> Camera:

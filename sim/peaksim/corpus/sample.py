@@ -105,7 +105,7 @@ def from_line(line: bytes, name: str) -> Record:
     """
     try:
         record = json.loads(line)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{name}: expected one line of JSON, got {line[:40]!r}") from error
     if not isinstance(record, dict):
         raise InputError(f"{name}: expected the record of a frame, got {line[:40]!r}")

@@ -104,14 +104,8 @@ def _load_texture(
         if variant not in table.variants:
             raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
         field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
-    photo = _read_photo(_find_image(str(file), folder, field), field)
+    photo = _read_photo(shipped.file_beside(folder, str(file), field), field)
     return Paper(scale_contrast(photo, table.contrast, table.mean), table.photo_m, material)
-
-
-def _find_image(file: str, folder: Path, field: str) -> Path:
-    """Return an image file beside the scene file, or else among the shipped assets."""
-    beside = folder / file
-    return shipped.file_inside(folder if beside.is_file() else shipped.ASSETS, file, field)
 
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
@@ -210,13 +204,14 @@ def _marker_quad(
     texel_m = table.side_m / len(pattern)
     border = round(table.border_m / texel_m)
     side_m = (len(pattern) + 2 * border) * texel_m
-    return Quad(name, _tile(table.kind, border), (side_m, side_m), pose, Mark(name, table.kind, table.side_m), material)
+    tile = _tile(pattern.tobytes(), pattern.shape, border)
+    return Quad(name, tile, (side_m, side_m), pose, Mark(name, table.kind, table.side_m), material)
 
 
 @lru_cache(maxsize=64)
-def _tile(kind: str, border: int) -> Texture:
+def _tile(pattern: bytes, shape: tuple[int, ...], border: int) -> Texture:
     """Return a pattern with a white border of whole texels; equal markers share one texture."""
-    return Texture.from_array(np.pad(marker_pattern(kind, "kind"), border, constant_values=_WHITE))
+    return Texture.from_array(np.pad(np.frombuffer(pattern, np.uint8).reshape(shape), border, constant_values=_WHITE))
 
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
@@ -320,7 +315,7 @@ def _light(table: schema.AnyLightTable, folder: Path, field: str) -> Light | Are
         return AreaLight(table.center_m, table.size_m, radiance, table.normal, table.up)
     if table.file is None:
         return Environment(table.radiance, None, table.yaw_deg)
-    path = _find_image(table.file, folder, field)
+    path = shipped.file_beside(folder, table.file, field)
     try:
         image = read_image(path)
     except InputError as error:

@@ -65,7 +65,8 @@ def test_a_faulty_file_is_one_line_with_file_and_field(tmp_path: Path, line: str
         ({"views": [{"kind": "marker", "distance_m": 1, "tilt_deg": [0, 90]}]}, "without 90"),
         ({"store": {"files": False, "shards": False}}, "neither"),
         ({"store": {"shard_frames": 3, "part_frames": 10}}, "multiple of shard_frames, got 10 and 3"),
-        ({"cameras": [BASE["cameras"][0]] * 2}, "different names"),
+        ({"cameras": [BASE["cameras"][0]] * 2}, "different names, got 'cam' more than once"),
+        ({"cameras": [{**BASE["cameras"][0], "count": 2}, {**BASE["cameras"][0], "name": "cam-001"}]}, "got 'cam-001'"),
         ({"cameras": [{"name": "a/b", "width": 8, "height": 8, "fx": 9}]}, "name"),
         ({"light": {"ambient": 1, "elevation_deg": [-10, 20]}}, "elevation_deg: expected above 0 up to 90"),
         ({"markers": {"keep": [0, 2]}}, "expected values in 0…1, got 0…2"),
@@ -83,6 +84,13 @@ def test_a_contradiction_inside_the_specification_is_refused(fields: dict[str, A
     ("fields", "words"),
     [
         ({"scenes": [{"file": "nothing.toml"}]}, "nothing.toml: cannot be read"),
+        (
+            {"scenes": [{"file": "../../etc/passwd"}]},
+            "scenes.file: expected a path inside specs/, got '../../etc/passwd'",
+        ),
+        ({"scenes": [{"file": "/etc/passwd"}]}, "scenes.file: expected a path inside specs/, got '/etc/passwd'"),
+        ({"scenes": [{"file": "a\0b"}]}, r"scenes.file: expected a path, got 'a\\x00b'"),
+        ({"views": [{"kind": "flight", "file": "../poses.txt"}]}, "views.file: expected a path inside specs/, got"),
         ({"textures": {"lawn": {"mean": 3}}}, r"textures.lawn: expected a texture of the scenes \(floor, wall\)"),
         ({"markers": {"kinds": ["sift-dark-none"]}}, "tiny.toml: markers.* expected one of .*surf-dark"),
         ({"markers": {"shift_m": [-0.9, 0.9]}}, "tiny.toml: markers: expected shifts .* keep every marker in the room"),
