@@ -1,9 +1,14 @@
 """Detectors as users might bring them, good and bad: run as `module:function` in a process of their own."""
 
 import os
+import shutil
+import signal
+import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -81,6 +86,32 @@ def fails_on_every_third(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     """Fail on every third image, by its content."""
     if int(gray.sum()) % 3 == 1:
         raise RuntimeError("not today")
+    return brightest(gray)
+
+
+STUBBORN = "import signal, time; [signal.signal(n, signal.SIG_IGN) for n in (1, 2, 15)]; time.sleep(300)"
+
+
+def stubborn(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Hang with two children, one of them in a session of its own; all ignore what they are asked."""
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    for is_apart in (True, False):
+        subprocess.Popen([sys.executable, "-c", STUBBORN], start_new_session=is_apart)
+    Path(os.environ["PEAKMARK_TEST_READY"]).touch()
+    while True:
+        pass
+
+
+def hangs(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    time.sleep(1000)
+    return []
+
+
+def deletes(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Delete its image, as a program that reads from a spool may do, and the folder of it."""
+    (folder,) = Path(tempfile.gettempdir()).glob("peakmark-*")
+    shutil.rmtree(folder)
     return brightest(gray)
 
 

@@ -47,6 +47,7 @@ def run_detector(
     octaves: Annotated[int | None, Option(help="Octaves. [default: the detector's]")] = None,
     layers: Annotated[int | None, Option(help="Searched layers an octave. [default: the detector's]")] = None,
     time_limit: Annotated[float, Option(help="Seconds for one frame, of a detector in its own process.")] = 10.0,
+    start_limit: Annotated[float, Option(help="Seconds for its start, and once more for its first frame.")] = 60.0,
     quick: Annotated[bool, Option("--quick", help="Fewer frames, in even steps.")] = False,
     seed: Annotated[int | None, Option(help="Of the sensor noise; views stay. [default: the suite's]")] = None,
     workers: Workers = None,
@@ -57,7 +58,8 @@ def run_detector(
     console = Console(quiet=quiet)
     opened = load_suite(suite)
     parameters = given(threshold=threshold, octaves=octaves, layers=layers)
-    settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, time_limit_s=time_limit)
+    limits = {"time_limit_s": time_limit, "start_limit_s": start_limit}
+    settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, **limits)
     with result_folder(out) as folder, progress_bar(console, "run", len(opened.frames(quick))) as bar:
         (folder / IMAGES).mkdir()
         backend = backend_of(workers, dask)

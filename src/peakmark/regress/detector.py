@@ -53,7 +53,8 @@ class DetectorSettings:
     time_limit_s: float = 10.0
     """For one image, where the detector is a process."""
     start_limit_s: float = 60.0
-    """For its start, and once more on top of the time limit of the first image, on which much code warms up."""
+    """For its start, and once more on top of the time limit of the first image, on which much code warms up; a
+    detector that hangs there does not get it again before it has answered."""
 
     def __post_init__(self) -> None:
         if not 0.25 <= self.stretch <= 8:

@@ -4,6 +4,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from time import monotonic
 
 import cv2
 import numpy as np
@@ -163,16 +164,66 @@ def test_a_programs_fault_costs_one_image(tmp_path: Path, fault: str, words: str
         assert detect(SPOT).detections
 
 
+@pytest.mark.parametrize(
+    "flood",
+    [
+        "while True: print(' ' * 999, end='', flush=True); time.sleep(0.001)",
+        "while True: sys.stderr.write('complaint\\n' * 1000)",
+        "import os; os.close(2); time.sleep(99)",
+    ],
+    ids=["output", "errors", "no errors"],
+)
+def test_a_flood_ends_with_the_time_limit(tmp_path: Path, flood: str) -> None:
+    start = monotonic()
+    with (
+        open_process(program(tmp_path, flood), {}, 0.5, 0.5) as detect,
+        pytest.raises(DetectorFailure, match="timeout"),
+    ):
+        detect(SPOT)
+    assert monotonic() - start < 4
+
+
+def test_a_detector_that_hangs_has_its_time_to_warm_up_once(tmp_path: Path) -> None:
+    with open_process(program(tmp_path, "time.sleep(99)"), {}, 0.2, 1.5) as detect:
+        limits = []
+        for _ in range(3):
+            with pytest.raises(DetectorFailure) as caught:
+                detect(SPOT)
+            limits.append(str(caught.value))
+    assert limits == ["timeout: no answer within 1.7 s", *["timeout: no answer within 0.2 s"] * 2]
+
+
+def test_a_program_that_does_not_read_is_a_timeout(tmp_path: Path) -> None:
+    path = tmp_path / "deaf.py"
+    path.write_text('import itertools\nfor i in itertools.count(): print(\'{"frame": %d, "keypoints": []}\' % i)\n')
+
+    def ask_often() -> None:
+        with open_process(f"exec:{sys.executable} {path}", {}, 10, 30) as detect:
+            for _ in range(2000):
+                detect(SPOT)
+
+    with pytest.raises(DetectorFailure, match="timeout: it does not read its requests"):
+        ask_often()
+
+
 def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with open_process("tests.user_detectors:process_id", {}, 10, 30) as detect:
         process = int(detect(SPOT).features.response[0])
         os.kill(process, 0)  # asks whether it lives
         (folder,) = tmp_path.iterdir()
-        assert [path.name for path in folder.iterdir()] == ["stderr.txt"]
+        assert [path.name for path in folder.iterdir()] == []
     assert not list(tmp_path.iterdir())
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
+
+
+def test_a_detector_may_delete_its_image_and_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with open_process("tests.user_detectors:deletes", {}, 10, 30) as detect:
+        assert [len(detect(SPOT).features) for _ in range(2)] == [1, 1]
+    assert not list(tmp_path.iterdir())
 
 
 def test_no_shell_reads_a_programs_name() -> None:
