@@ -34,6 +34,45 @@ def detection(gray: NDArray[np.uint8]) -> tuple[Detection, ...]:
     return (Detection(0, np.array([x, y], float), 5.0, "light", 7.5, 0.25, 3),)
 
 
+def detection_list(gray: NDArray[np.uint8]) -> list[Detection]:
+    return list(detection(gray))
+
+
+def without_polarity(gray: NDArray[np.uint8]) -> list[Detection]:
+    return [replace(found, polarity=None) for found in detection(gray)]
+
+
+def detection_or_nothing(gray: NDArray[np.uint8]) -> list[Detection]:
+    """Take the brightest pixel for a marker, on some images."""
+    return list(detection(gray)) if int(gray.sum()) % 2 else []
+
+
+def array_of_points(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+    return np.array([brightest(gray)[0].pt])
+
+
+def no_points(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+    return np.array([])
+
+
+def list_of_pairs(gray: NDArray[np.uint8]) -> list[tuple[float, float]]:
+    return [brightest(gray)[0].pt, (3.0, 4.0)]
+
+
+def described(gray: NDArray[np.uint8]) -> tuple[list[cv2.KeyPoint], NDArray[np.float32]]:
+    return brightest(gray), np.zeros((1, 64), np.float32)
+
+
+def as_opencvs_surf(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Tell polarity by the class id, as OpenCV's SURF does."""
+    return [cv2.KeyPoint(1.0, 2.0, 5.0, -1.0, 9.0, 0, 1), cv2.KeyPoint(3.0, 4.0, 5.0, -1.0, 8.0, 0, -1)]
+
+
+def our_key_points(gray: NDArray[np.uint8]) -> Keypoints:
+    found = Keypoints.from_opencv(brightest(gray))
+    return found.with_columns(laplacian=np.full(len(found), -1))
+
+
 def chatty(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     """Print while working, as much user code does."""
     print('{"frame": 0, "keypoints": []}')
@@ -72,6 +111,10 @@ def nan_on_dark(gray: NDArray[np.uint8]) -> Any:
 
 def wrong_type(gray: NDArray[np.uint8]) -> Any:
     return {"x": 1}
+
+
+def wrong_shape(gray: NDArray[np.uint8]) -> Any:
+    return np.zeros((4, 3))
 
 
 def always_nan(gray: NDArray[np.uint8]) -> Any:

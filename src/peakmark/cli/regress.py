@@ -12,7 +12,7 @@ from typer import Argument, Exit, Option, Typer
 from peakmark.cli.corpus import backend_of
 from peakmark.cli.options import Dask, Out, Quiet, Workers, given
 from peakmark.cli.terminal import print_path, progress_bar
-from peakmark.errors import InputError
+from peakmark.errors import InputError, one_line
 from peakmark.regress.compare import Comparison, compare_records
 from peakmark.regress.metrics import metrics_of
 from peakmark.regress.outputs import cells_of, junit_xml, markdown, number, plain
@@ -26,7 +26,10 @@ from peakmark.score.statistics import resample_counts
 app = Typer(no_args_is_help=True, help="A detector's figures on rendered fly-throughs, beside accepted ones.")
 
 _COLOURS = {"worse": "red", "changed": "red", "better": "green"}
-_DETECTORS = "markers, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function or 'exec:PROGRAM …'"
+_DETECTORS = (
+    "markers, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function (returns points, cv2.KeyPoint, "
+    "Keypoints or Detection), or 'exec:PROGRAM …' (answers in JSON lines); docs/detectors.md says how"
+)
 
 RUN = "run.json"
 IMAGES = "pictures"
@@ -75,7 +78,7 @@ def run_detector(
 def _run_table(done: Run) -> Table:
     record = done.record
     title = f"{record.suite} · {record.detector.name} · {len(record.results)} frames · seed {record.seed}"
-    table = Table("figure", "value", "95 % interval", "unit", title=escape(title))
+    table = Table("figure", "value", "95 % interval", "unit", title=escape(one_line(title)))
     counts = resample_counts(len(record.results))
     for metric in metrics_of(record.results, record.tolerances):
         interval = metric.interval(counts)
@@ -117,7 +120,7 @@ def compare_run(
 
 
 def _comparison_table(comparison: Comparison) -> Table:
-    faults, suite = len(comparison.faults), comparison.after.suite
+    faults, suite = len(comparison.faults), escape(one_line(comparison.after.suite))
     table = Table(
         *("", "figure", "before", "after", "change", "tolerance"),
         title=f"{suite}: {faults} worse or changed" if faults else f"{suite}: no regression",

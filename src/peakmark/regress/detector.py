@@ -18,10 +18,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
 
 from peakmark.detectors.registry import NAMES, find_detector
 from peakmark.detectors.tags import Tag, tag_detector
@@ -40,15 +41,20 @@ FrameDetector = Callable[[NDArray[np.uint8]], Found]
 TAGS = {"aruco": "DICT_4X4_50", "apriltag": "DICT_APRILTAG_36h11"}
 
 
+Parameter = Annotated[float, Field(allow_inf_nan=False)] | int | bool | str
+
+
 @dataclass(frozen=True)
 class DetectorSettings:
     """Which detector, and its settings."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     name: str = "markers"
     """See the table above."""
     stretch: float = 2.0
     """Vertical stretch of the image before "markers" searches it; 0.25…8."""
-    parameters: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, Parameter] = field(default_factory=dict)
     """Of the detector: threshold, octaves, layers, … ; for "markers" those of SURF."""
     time_limit_s: float = 10.0
     """For one image, where the detector is a process."""
@@ -130,7 +136,7 @@ def _tag_detector(dictionary: str) -> FrameDetector:
 
 def _tag(i: int, tag: Tag) -> Detection:
     """Return a tag as a detection, its number as the rank."""
-    return Detection(i, tag.center_xy, tag.side_px, "dark", 1.0, 0.0, tag.id)
+    return Detection(i, tag.center_xy, tag.side_px, None, 1.0, 0.0, tag.id)
 
 
 def strongest_first(features: Keypoints) -> Keypoints:

@@ -240,6 +240,7 @@ def _read_some(running: _Running, limit_s: float) -> bool:
     """Read what a program writes next, and return whether it did within the limit."""
     output, errors = running.watcher.stdout, running.watcher.stderr
     assert output is not None
+    assert errors is not None
     ready = select.select([output, errors] if running.has_errors else [output], [], [], limit_s)[0]
     if errors in ready:
         _read_errors(running)
@@ -265,6 +266,7 @@ def _crash(running: _Running) -> DetectorFailure:
     status = _control_line(running.control)
     if not status:
         return DetectorFailure("crash: it closed its output")
+    assert running.watcher.stderr is not None
     for _ in range(_MOST_READS):
         if running.has_errors and select.select([running.watcher.stderr], [], [], 0)[0]:
             _read_errors(running)

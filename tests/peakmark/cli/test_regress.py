@@ -76,6 +76,30 @@ def test_a_missing_or_foreign_baseline_is_one_line_and_status_2(
         assert not (tmp_path / "out").exists()
 
 
+def test_control_characters_reach_no_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = replace(sound(), suite="\x1b[2J\x07[red]suite")
+    run = run_folder(tmp_path / "run", made)
+    assert peakmark("regress", "compare", run, "--baseline", run / "run.json", "--out", tmp_path / "\x1b[31mout") == 0
+    out = capsys.readouterr().out
+    assert "\\x1b[2J\\x07[red]suite" in "".join(out.split())
+    assert not {"\x1b", "\x07"} & set(out)
+
+
+@pytest.mark.parametrize("bad", ["NaN", "Infinity", "-Infinity", "1e999", "1e300", "9" * 400, '"7"', "[" * 100_000])
+def test_a_baseline_without_numbers_is_no_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str], bad: str) -> None:
+    lost = replace(sound(), results=tuple(replace(f, markers={"a": missed(), "b": missed()}) for f in sound().results))
+    run = run_folder(tmp_path / "run", lost)
+    baseline = tmp_path / "baseline.json"
+    baseline.write_text(
+        to_text(sound()).replace('"xy": [50.0,', f'"xy": [{bad},').replace('"side_px": 30.0', f'"side_px": {bad}')
+    )
+    assert peakmark("regress", "compare", run, "--baseline", baseline, "--out", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {baseline}: expected the record of a run: ")
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
 def test_accepting_writes_whole_or_not_at_all(tmp_path: Path) -> None:
     run = run_folder(tmp_path / "run", sound())
     (tmp_path / "folder").mkdir()

@@ -42,6 +42,42 @@ def test_a_users_function_of_detections() -> None:
     assert (detection.signature_distance, detection.rank) == (0.25, 3)
 
 
+@pytest.mark.parametrize(
+    ("function", "positions", "laplacian"),
+    [
+        ("array_of_points", [[33, 11]], [0]),
+        ("no_points", [], []),
+        ("list_of_pairs", [[33, 11], [3, 4]], [0, 0]),
+        ("brightest", [[33, 11]], [0]),
+        ("described", [[33, 11]], [0]),
+        ("as_opencvs_surf", [[1, 2], [3, 4]], [1, -1]),
+        ("our_key_points", [[33, 11]], [-1]),
+    ],
+)
+def test_every_kind_of_key_points_is_taken(function: str, positions: list[list[float]], laplacian: list[int]) -> None:
+    with open_process(f"tests.user_detectors:{function}", {}, 10, 30) as detect:
+        found = detect(SPOT)
+    assert found.detections is None
+    assert found.features.xy.tolist() == positions
+    assert found.features.laplacian.tolist() == laplacian
+
+
+@pytest.mark.parametrize(("function", "polarity"), [("detection_list", "light"), ("without_polarity", None)])
+def test_every_kind_of_detections_is_taken(function: str, polarity: str | None) -> None:
+    with open_process(f"tests.user_detectors:{function}", {}, 10, 30) as detect:
+        (found,) = detect(SPOT).detections or ()
+    assert (found.xy.tolist(), found.polarity) == ([33, 11], polarity)
+
+
+def test_opencvs_features_tell_no_polarity_by_their_numbers() -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
+    for name in ("cv2:ORB", "cv2:AKAZE"):
+        with open_process(name, {}, 10, 30) as detect:
+            found = detect(noise).features
+        assert len(found) > 0
+        assert not found.laplacian.any()
+
+
 def test_a_users_function_of_both() -> None:
     with open_process("tests.user_detectors:everything", {}, 10, 30) as detect:
         found = detect(SPOT)
@@ -135,7 +171,7 @@ def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
     with open_process(program(tmp_path), {}, 10, 30) as detect:
         for _ in range(2):
             (detection,) = detect(SPOT).detections or ()
-            assert (*detection.xy, detection.polarity) == (3, 4.5, "dark")
+            assert (*detection.xy, detection.polarity) == (3, 4.5, None)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +186,18 @@ def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
         ("answer['detections'][0]['x'] = float('nan')", "rubbish: detections: x: expected a finite number, got 'nan'"),
         ("answer['detections'][0]['x'] = 'left'", "rubbish: detections: x: expected a finite number, got 'left'"),
         ("del answer['detections'][0]['y']", "rubbish: detections: y: expected a finite number, got 'None'"),
+        ("answer['detections'][0]['x'] = 1e300", "rubbish: detections: x: expected at most ±3.4e.38, got '1e.300'"),
+        ("answer['detections'][0]['y'] = 10**400", "rubbish: detections: y: expected at most .*got '1000"),
+        ("answer['detections'][0]['rank'] = 1.5", "rubbish: detections: rank: expected a whole number, got 1.5"),
+        ("answer['detections'][0]['polarity'] = 'Light'", "polarity: expected light, dark or null, got 'Light'"),
+        ("answer['detections'][0]['polarity'] = [1]", "polarity: expected light, dark or null, got '.1.'"),
+        ("print('[' * 500_000 + ']' * 500_000, flush=True)", "rubbish: expected a line of JSON, got '\\[\\["),
+        ("print('9' * 5000, flush=True)", "rubbish: expected a line of JSON, got '999"),
+        ("answer['frame'] = False", "rubbish: expected .*got"),
+        ("answer = {'frame': 7, 'error': 'of another image'}", "rubbish: expected .*got"),
         ("answer = {'frame': asked['frame'], 'error': 'no licence'}", "error: no licence"),
+        (r"answer = {'frame': asked['frame'], 'error': 'a \x1b[2J\x07\ud800 b'}", r"error: a \\x1b\[2J\\x07\\ud800 b$"),
+        (r"sys.exit('\x1b]0;title\x07')", r"crash: it ended with status 1: \\x1b\]0;title\\x07$"),
         ("sys.exit('killed by the\\nlawyers')", "crash: it ended with status 1: lawyers"),
         ("time.sleep(99)", "timeout"),
     ],
