@@ -38,6 +38,12 @@ def detection_list(gray: NDArray[np.uint8]) -> list[Detection]:
     return list(detection(gray))
 
 
+def of_numpys_numbers(gray: NDArray[np.uint8]) -> Any:
+    (found,) = detection(gray)
+    numbers = {"size": np.float32(5), "response": np.float64(7.5), "rank": np.int64(3)}
+    return [replace(found, xy=[33, 11], **numbers)]  # type: ignore[arg-type]
+
+
 def without_polarity(gray: NDArray[np.uint8]) -> list[Detection]:
     return [replace(found, polarity=None) for found in detection(gray)]
 

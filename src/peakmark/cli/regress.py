@@ -63,6 +63,8 @@ def run_detector(
     parameters = given(threshold=threshold, octaves=octaves, layers=layers)
     limits = {"time_limit_s": time_limit, "start_limit_s": start_limit}
     settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, **limits)
+    if stretch is not None and settings.name != "markers":
+        raise InputError(f"--stretch {stretch:g}: expected none for detector {settings.name}, only markers takes one")
     with result_folder(out) as folder, progress_bar(console, "run", len(opened.frames(quick))) as bar:
         (folder / IMAGES).mkdir()
         backend = backend_of(workers, dask)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 
-from peakmark.detectors.registry import NAMES, find_detector
+from peakmark.detectors.registry import NAMES, find_detector, settings_of
 from peakmark.detectors.tags import Tag, tag_detector
 from peakmark.errors import InputError
 from peakmark.identification import api as identification
@@ -65,9 +65,9 @@ class DetectorSettings:
     def __post_init__(self) -> None:
         if not 0.25 <= self.stretch <= 8:
             raise InputError(f"stretch: expected 0.25…8, got {self.stretch}")
-        for limit_s in (self.time_limit_s, self.start_limit_s):
+        for name, limit_s in (("time limit", self.time_limit_s), ("start limit", self.start_limit_s)):
             if not 0 < limit_s <= 86_400:
-                raise InputError(f"time limit: expected more than 0 and at most 86400 s, got {limit_s}")
+                raise InputError(f"{name}: expected more than 0 and at most 86400 s, got {limit_s}")
 
 
 @contextmanager
@@ -98,13 +98,14 @@ def built_in_detector(settings: DetectorSettings) -> FrameDetector:
     name, _, dictionary = settings.name.partition(":")
     if name == "markers":
         return partial(_find_markers, settings.stretch, settings.parameters)
+    if settings.parameters and (name == "cave-markers" or name in TAGS):
+        raise InputError(f"detector {name}: expected no parameters, got {', '.join(settings.parameters)}")
     if name == "cave-markers":
-        if settings.parameters:
-            raise InputError(f"detector cave-markers: expected no parameters, got {', '.join(settings.parameters)}")
         return _find_by_classifier
     if name in TAGS:
         return _tag_detector(dictionary or TAGS[name])
     if name in NAMES:
+        settings_of(name, settings.parameters)  # refuses those that it does not take
         detector = find_detector(name)
         return lambda image: Found(strongest_first(detector(image, **settings.parameters)), None)
     known = ", ".join(("markers", "cave-markers", *TAGS, *NAMES, "cv2:NAME", "module:function"))

@@ -288,6 +288,9 @@ def command_of(name: str, parameters: dict[str, Any]) -> list[str]:
         command = shlex.split(name.removeprefix("exec:"))
     except ValueError as error:
         raise InputError(f"detector {name}: expected exec:PROGRAM ARGUMENTS: {error}") from error
+    if parameters:
+        given = ", ".join(parameters)
+        raise InputError(f"detector {name}: expected no parameters but its own ARGUMENTS, got {given}")
     if not command:
         raise InputError(f"detector {name}: expected exec:PROGRAM ARGUMENTS, got no program")
     return command

@@ -74,11 +74,11 @@ def answer_line(frame: int, found: Found) -> bytes:
             {
                 "x": float(d.xy[0]),
                 "y": float(d.xy[1]),
-                "size": d.size,
-                "response": d.response,
+                "size": float(d.size),
+                "response": float(d.response),
                 "polarity": d.polarity,
-                "distance": d.signature_distance,
-                "rank": d.rank,
+                "distance": float(d.signature_distance),
+                "rank": int(d.rank),
             }
             for d in found.detections
         ]

@@ -125,6 +125,8 @@ def run_suite(
         row.
     """
     table = suite.table
+    if seed is not None and not 0 <= seed < 2**63:
+        raise InputError(f"--seed: expected 0…2⁶³−1, got {seed}")
     if suite.corpus is None:
         check_spec(table.corpus, suite.folder)
     elif seed is not None:

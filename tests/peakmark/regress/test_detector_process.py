@@ -62,7 +62,9 @@ def test_every_kind_of_key_points_is_taken(function: str, positions: list[list[f
     assert found.features.laplacian.tolist() == laplacian
 
 
-@pytest.mark.parametrize(("function", "polarity"), [("detection_list", "light"), ("without_polarity", None)])
+@pytest.mark.parametrize(
+    ("function", "polarity"), [("detection_list", "light"), ("of_numpys_numbers", "light"), ("without_polarity", None)]
+)
 def test_every_kind_of_detections_is_taken(function: str, polarity: str | None) -> None:
     with open_process(f"tests.user_detectors:{function}", {}, 10, 30) as detect:
         (found,) = detect(SPOT).detections or ()
@@ -271,6 +273,13 @@ def test_a_detector_may_delete_its_image_and_the_folder(tmp_path: Path, monkeypa
     with open_process("tests.user_detectors:deletes", {}, 10, 30) as detect:
         assert [len(detect(SPOT).features) for _ in range(2)] == [1, 1]
     assert not list(tmp_path.iterdir())
+
+
+def test_parameters_that_no_program_gets_are_refused() -> None:
+    with pytest.raises(
+        InputError, match="detector exec:find: expected no parameters but its own ARGUMENTS, got octaves"
+    ):
+        command_of("exec:find", {"octaves": 3})
 
 
 def test_no_shell_reads_a_programs_name() -> None:
