@@ -217,5 +217,8 @@ def _is_crowded(candidate: _Block, seen: MarkerShapes) -> bool:
 
 def _array(found: Sequence[Detection], order: Sequence[int], layout: Layout, doubt: str) -> MarkerArray:
     members = tuple(found[i] for i in order)
-    code = None if doubt else code_of([d.polarity for d in members], layout)
+    polarities = [d.polarity for d in members if d.polarity is not None]
+    if len(polarities) < len(members):
+        doubt = doubt or "a polarity is unknown"
+    code = None if doubt else code_of(polarities, layout)
     return MarkerArray(code, doubt or ("" if code is not None else "parity is wrong"), members, layout)

@@ -11,7 +11,7 @@ from peakmark.cli.command import examples, plain_app
 from peakmark.cli.corpus import backend_of
 from peakmark.cli.options import Dask, Out, Quiet, Workers, given
 from peakmark.cli.terminal import new_console, print_path, progress_bar
-from peakmark.errors import InputError
+from peakmark.errors import InputError, one_line
 from peakmark.regress.compare import Comparison, compare_records
 from peakmark.regress.metrics import metrics_of
 from peakmark.regress.outputs import cells_of, junit_xml, markdown, number, plain
@@ -25,7 +25,10 @@ from peakmark.score.statistics import resample_counts
 app = plain_app(no_args_is_help=True, help="A detector's figures on rendered fly-throughs, beside accepted ones.")
 
 _COLOURS = {"worse": "red", "changed": "red", "better": "green"}
-_DETECTORS = "markers, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function or 'exec:PROGRAM …'"
+_DETECTORS = (
+    "markers, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function (returns points, cv2.KeyPoint, "
+    "Keypoints or Detection), or 'exec:PROGRAM …' (answers in JSON lines); docs/detectors.md says how"
+)
 
 RUN = "run.json"
 IMAGES = "pictures"
@@ -50,6 +53,7 @@ def run_detector(
     octaves: Annotated[int | None, Option(help="Octaves. [default: the detector's]")] = None,
     layers: Annotated[int | None, Option(help="Searched layers an octave. [default: the detector's]")] = None,
     time_limit: Annotated[float, Option(help="Seconds for one frame, of a detector in its own process.")] = 10.0,
+    start_limit: Annotated[float, Option(help="Seconds for its start, and once more for its first frame.")] = 60.0,
     quick: Annotated[bool, Option("--quick", help="Fewer frames, in even steps.")] = False,
     seed: Annotated[int | None, Option(help="Of the sensor noise; views stay. [default: the suite's]")] = None,
     workers: Workers = None,
@@ -60,7 +64,10 @@ def run_detector(
     console = new_console(quiet)
     opened = load_suite(suite)
     parameters = given(threshold=threshold, octaves=octaves, layers=layers)
-    settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, time_limit_s=time_limit)
+    limits = {"time_limit_s": time_limit, "start_limit_s": start_limit}
+    settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, **limits)
+    if stretch is not None and settings.name != "markers":
+        raise InputError(f"--stretch {stretch:g}: expected none for detector {settings.name}, only markers takes one")
     with result_folder(out) as folder, progress_bar(console, "run", len(opened.frames(quick))) as bar:
         (folder / IMAGES).mkdir()
         backend = backend_of(workers, dask)
@@ -76,7 +83,7 @@ def run_detector(
 def _run_table(done: Run) -> Table:
     record = done.record
     title = f"{record.suite} · {record.detector.name} · {len(record.results)} frames · seed {record.seed}"
-    table = Table("figure", "value", "95 % interval", "unit", title=title)
+    table = Table("figure", "value", "95 % interval", "unit", title=one_line(title))
     counts = resample_counts(len(record.results))
     for metric in metrics_of(record.results, record.tolerances):
         interval = metric.interval(counts)
@@ -126,7 +133,7 @@ def compare_run(
 
 
 def _comparison_table(comparison: Comparison) -> Table:
-    faults, suite = len(comparison.faults), comparison.after.suite
+    faults, suite = len(comparison.faults), one_line(comparison.after.suite)
     table = Table(
         *("", "figure", "before", "after", "change", "tolerance"),
         title=f"{suite}: {faults} worse or changed" if faults else f"{suite}: no regression",

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from peakmark.errors import one_line
 from peakmark.report.page import cell
 
 FIGURES = ("figure", "value")
@@ -81,4 +82,4 @@ def print_table(console: Console, title: str, head: Sequence[str], rows: Sequenc
 
 def print_path(console: Console, path: Path | str, title: str = "Results") -> None:
     """Print where something was written, on one line however long it is."""
-    console.print(f"{title}: {path}", soft_wrap=True, markup=False)
+    console.print(f"{title}: {one_line(str(path))}", soft_wrap=True, markup=False)

@@ -135,7 +135,7 @@ def refine_detections(
     if not detections:
         return ()
     sides = [SIDE_OF_SCALE * max(detection.size, 2.0) for detection in detections]
-    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(detections[0].polarity, limit))
+    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(detections[0].polarity or "dark", limit))
     return tuple(
         replace(
             detection,

@@ -25,8 +25,8 @@ class Detection:
     """(2,) centre in the given image, px, pixel centres at integers; refined where `affinity` is given."""
     size: float
     """Side of the pattern in the given image (square root of its area), px."""
-    polarity: Polarity
-    """"dark" or "light" centre."""
+    polarity: Polarity | None
+    """"dark" or "light" centre; None only from a user's detector that does not tell."""
     response: float
     """Determinant of the Hessian."""
     signature_distance: float

@@ -116,7 +116,7 @@ def score_frame(
     ranks = [_strongest(owner, visible.index(t)) for t in found]
     last = max((rank for rank in ranks if rank is not None), default=None)
     clutter = _strongest(owner, -1)
-    drop = None if last is None or clutter is None else features.response[last] / features.response[clutter]
+    drop = None if last is None or clutter is None else _ratio(features.response[last], features.response[clutter])
     found_as = {name: detections[index] for name, index in matches.items()}
     markers = tuple(_result(t, found_as.get(t.name), features, wanted) for t in visible)
     required = [marker for marker in markers if marker.is_wanted]
@@ -131,8 +131,15 @@ def score_frame(
         rank_of_last_marker=None if last is None else last + 1,
         false_above_last_marker=None if last is None else int((owner[:last] == -1).sum()),
         strongest_clutter=None if clutter is None else float(features.response[clutter]),
-        response_drop=None if drop is None else float(drop),
+        response_drop=drop,
     )
+
+
+def _ratio(response: np.float32, other: np.float32) -> float | None:
+    """Return a ratio of responses; None where it is no finite number, as for a detector that gives none."""
+    with np.errstate(all="ignore"):
+        ratio = float(response / other)
+    return ratio if np.isfinite(ratio) else None
 
 
 def _result(truth: MarkerTruth, detection: Detection | None, features: Keypoints, wanted: Wanted) -> MarkerScore:

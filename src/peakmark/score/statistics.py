@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -150,7 +150,10 @@ def percentile_interval(values: NDArray[np.float64], level: float) -> tuple[floa
     """Return the middle `level` of bootstrapped values; None where more than one in twenty is nan."""
     if np.isnan(values).mean() > 0.05:
         return None
-    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2])
+    method: Literal["nearest", "linear"] = (
+        "nearest" if np.isinf(values).any() else "linear"
+    )  # between infinities there is nothing
+    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2], method=method)
     return float(low), float(high)
 
 
