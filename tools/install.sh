@@ -48,6 +48,9 @@ fi
 if [[ -n $extra ]] && ! has_library libatomic.so.1; then
   apt_install "libatomic, which Mitsuba and Playwright use in the tests" libatomic1 || true
 fi
+if [[ -n $extra ]] && ! { has_library libLLVM-19.so || has_library libLLVM.so.19.1; }; then
+  apt_install "LLVM for path-traced images" libllvm19 || true
+fi
 if [[ -n $extra ]] && ! command -v pdftoppm >/dev/null; then
   apt_install "poppler, which the tests of printed sheets use" poppler-utils || true
 fi

@@ -1,27 +1,30 @@
-"""render: one call, two renderers; image and truth come from the same posed camera."""
+"""render: one call, three renderers; image and truth come from the same posed camera."""
 
 import sys
+from collections.abc import Sequence
 from functools import cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peaksim import traced
 from peaksim.area.integrate import integrate
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import quantise
 from peaksim.camera.shutter import PosedCamera, still_camera
 from peaksim.errors import SceneError
-from peaksim.geometry.pose import rigid
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
 from peaksim.gl.context import why_not
+from peaksim.scene.needs import left_out
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
 from peaksim.truth.surfaces import surfaces, surfaces_at
 
-Renderer = Literal["auto", "exact", "gl"]
+Renderer = Literal["auto", "exact", "gl", "traced"]
+DrawnBy = Literal["exact", "gl", "traced"]
 
 MOST_MOMENTS = 256
 """Most sharp images that a motion blur is averaged from."""
@@ -35,6 +38,9 @@ def render(
     world_from_camera: ArrayLike | Trajectory,
     renderer: Renderer = "auto",
     time_s: float = 0.0,
+    samples: int = traced.SAMPLES,
+    seed: int | Sequence[int] = 0,
+    max_depth: int = traced.MAX_DEPTH,
 ) -> Frame:
     """Return the image of a scene and its truth.
 
@@ -47,22 +53,27 @@ def render(
         (`row_time_s`) and each over some time (`exposure_s`).
     renderer
         "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and GL
-        can draw this.
+        can draw this; "traced" follows light over area lamps, sky, gloss and lens with Mitsuba 3, and is noisy.
     time_s
         Mid-exposure of the middle row on the trajectory; kept in the frame.
+    samples, seed, max_depth
+        Of "traced": paths a pixel, the seed of their noise (a number or several), and the longest path in steps.
 
     Raises
     ------
     SceneError
-        If the pose is not rigid, the time is not finite, or the renderer is unknown or cannot draw this.
+        If the pose is not rigid, the time is not finite, or the renderer is unknown, missing or cannot draw this.
     RendererError
         If OpenGL fails.
     """
     posed = _posed_camera(camera, world_from_camera, time_s)
-    if renderer not in ("auto", "exact", "gl"):
-        raise SceneError(f'renderer: expected "auto", "exact" or "gl", got {renderer!r}')
+    if renderer not in get_args(Renderer):
+        raise SceneError(f'renderer: expected "auto", "exact", "gl" or "traced", got {renderer!r}')
     chosen = choose_renderer(posed, renderer)
-    linear, gl_renderer = draw_levels(scene, posed, chosen)
+    if chosen == "traced":
+        linear, gl_renderer = traced.integrate(scene, posed, samples, seed, max_depth), None
+    else:
+        linear, gl_renderer = draw_levels(scene, posed, chosen)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
         image=quantise(linear),
@@ -83,10 +94,10 @@ def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, tim
         raise SceneError(f"time_s: expected a finite time, got {time_s}")
     if isinstance(world_from_camera, Trajectory):
         return PosedCamera(camera, world_from_camera, time_s)
-    return still_camera(camera, rigid(world_from_camera, "world_from_camera"))
+    return still_camera(camera, world_from_camera)
 
 
-def choose_renderer(posed: PosedCamera, renderer: Renderer) -> Literal["exact", "gl"]:
+def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:
     """Return the renderer to use; "auto" takes GL where a context opens and GL can draw this.
 
     Raises
@@ -94,8 +105,8 @@ def choose_renderer(posed: PosedCamera, renderer: Renderer) -> Literal["exact", 
     SceneError
         If "gl" is requested for what only "exact" draws: a rolling shutter.
     """
-    if renderer == "exact":
-        return "exact"
+    if renderer in ("exact", "traced"):
+        return renderer
     if renderer == "gl":
         if posed.is_rolling:
             raise SceneError('renderer: expected "exact" or "auto" for a rolling shutter, got "gl"')
@@ -118,6 +129,8 @@ def draw_levels(
     scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"]
 ) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
+    if names := left_out(scene, posed.camera):
+        _warn_once(f'the {renderer} renderer leaves out {", ".join(names)}; renderer "traced" draws them')
     moments = posed.moments(count_moments(scene, posed)) if posed.is_blurred else (posed,)
     images = (_draw_sharp(scene, moment, renderer) for moment in moments)
     linear = next(images) / np.float32(len(moments)) if len(moments) > 1 else next(images)

@@ -7,12 +7,14 @@ a triangle. All are linear in d, so that face sides, depth order and intersectio
 
 from functools import lru_cache
 from math import prod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.texture_sums import sums_shape, write_sums
+from peaksim.scene.material import Material
 from peaksim.scene.scene import Mesh, Quad, Scene
 from peaksim.scene.texture import Texture
 
@@ -66,10 +68,10 @@ def faces_of(scene: Scene) -> Faces:
     for mesh in scene.meshes:
         table[first : first + len(mesh.faces), LEVEL:NORMAL] = mesh_levels(mesh, channels_of(scene))
         first += len(mesh.faces)
-    textures = tuple({id(q.texture): q.texture for q in scene.quads}.values())
-    texels, texture_rows = pack_textures(textures)
+    prints = tuple(dict.fromkeys((q.texture, q.material) for q in scene.quads))
+    texels, texture_rows = pack_textures(prints)
     for row, quad in zip(table, scene.quads, strict=False):
-        row[: CONTRAST + 1] = texture_rows[textures.index(quad.texture)]
+        row[: CONTRAST + 1] = texture_rows[prints.index((quad.texture, quad.material))]
         row[EXTENT_P : EXTENT_Q + 1] = quad.texture.size
     return Faces(np.ascontiguousarray(planes), table, texels)
 
@@ -86,15 +88,21 @@ def _quad_plane(quad: Quad) -> tuple[NDArray[np.float64], NDArray[np.float64], N
 
 
 @lru_cache(maxsize=1)
-def pack_textures(textures: tuple[Texture, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the tables of all textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
-    shapes = [sums_shape(texture.pixels) for texture in textures]
+def pack_textures(prints: tuple[tuple[Texture, Material], ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the tables of all printed textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
+    levels = [material.levels(texture.pixels) for texture, material in prints]
+    shapes = [sums_shape(pixels) for pixels in levels]
     starts = np.cumsum([0, *(prod(shape) for shape in shapes)])
-    texels, rows = np.empty(starts[-1]), np.zeros((len(textures), 4))
-    for texture, shape, start, end, row in zip(textures, shapes, starts, starts[1:], rows, strict=False):
-        write_sums(texture.pixels, texels[start:end].reshape(shape))
-        row[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, texture.contrast
+    texels, rows = np.empty(starts[-1]), np.zeros((len(prints), 4))
+    for pixels, shape, start, end, row in zip(levels, shapes, starts, starts[1:], rows, strict=False):
+        write_sums(pixels, texels[start:end].reshape(shape))
+        row[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, contrast(pixels)
     return texels, rows
+
+
+def contrast(levels: NDArray[Any]) -> float:
+    """Return the standard deviation of (h, w) or (h, w, 3) grey levels, of the channel that varies most."""
+    return float(cv2.meanStdDev(levels)[1].max())
 
 
 def unit_normals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -105,7 +113,7 @@ def unit_normals(us: NDArray[np.float64], vs: NDArray[np.float64]) -> NDArray[np
 
 def mesh_levels(mesh: Mesh, channels: int) -> NDArray[np.float64]:
     """Return a mesh's colour as `channels` linear grey levels (grey: Rec. 709 luma)."""
-    color = np.array(mesh.color, dtype=np.float64)
+    color = np.asarray(mesh.material.levels(np.array(mesh.color, dtype=np.float64)), dtype=np.float64)
     return color if channels == 3 else np.array([color @ [0.2126, 0.7152, 0.0722]])
 
 

@@ -1,26 +1,28 @@
 """Kernel: the summed-area tables of textures, in one pass over the texels."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.kernel import kernel
 
 
-def sums_shape(pixels: NDArray[np.uint8]) -> tuple[int, int, int]:
+def sums_shape(pixels: NDArray[Any]) -> tuple[int, int, int]:
     """Return the shape (channels, h + 3, w + 3) of the table of an (h, w) or (h, w, 3) image."""
     height, width = pixels.shape[:2]
     return pixels[0, 0].size, height + 3, width + 3
 
 
-def write_sums(pixels: NDArray[np.uint8], out: NDArray[np.float64]) -> None:
+def write_sums(pixels: NDArray[Any], out: NDArray[np.float64]) -> None:
     """Write the sums of all texels above and left of each node; node (1, 1) is the top-left corner.
 
-    One texel of clamped border lies around the image. Sums are whole numbers, so they are exact.
+    One texel of clamped border lies around the image. Sums of printed levels are whole numbers, so they are exact.
 
     Parameters
     ----------
     pixels
-        (h, w) or (h, w, channels) grey levels.
+        (h, w) or (h, w, channels) grey levels: uint8, or float32 where a material maps them.
     out
         (channels, h + 3, w + 3) written.
     """

@@ -67,7 +67,7 @@ def frame_row(spec: CorpusSpec, record: Record) -> Row:
     """Return a frame's row."""
     pose, camera = np.array(record["world_from_camera"]), record["camera"]
     quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
-    lights = {light["kind"]: light["intensity"] for light in record["lights"]}
+    lights = {light["kind"]: light.get("intensity") for light in record["lights"]}
     return {
         **{name: record[name] for name in ("frame", "sequence", "scene", "view", "time_s", "renderer", "gl_renderer")},
         "picture": image_name(spec, record["frame"]),

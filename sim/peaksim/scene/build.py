@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,17 +13,45 @@ from numpy.typing import ArrayLike, NDArray
 from peaksim import shipped
 from peaksim.camera.camera import Camera, from_sensor
 from peaksim.camera.models import camera_named
+from peaksim.camera.thin_lens import ThinLens, from_f_number
 from peaksim.errors import InputError, SceneError
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.pose import Pose, compose, look_at, rotation_about
 from peaksim.geometry.trajectory import Trajectory
-from peaksim.image_file import read_image
+from peaksim.image_file import read_image, read_image_8_bits
 from peaksim.scene import schema as schema
+from peaksim.scene.lamps import WINDOW_RADIANCE, AreaLight, Environment
+from peaksim.scene.material import PRINT, Material, linear_from_srgb
 from peaksim.scene.scene import Light, Mark, Mesh, Quad
 from peaksim.scene.texture import Texture
 
 _LARGEST_TEXTURE = 200_000_000  # texels of one papered surface, refused before they are made
 _WHITE = 255
+
+Materials = Mapping[str, Material]
+PLAIN: Materials = MappingProxyType({})
+"""No materials."""
+
+
+def material_of(table: Any, materials: Materials, field: str) -> Material:
+    """Return the material that a table names, `PRINT` if it names none."""
+    if table.material is None:
+        return PRINT
+    if table.material not in materials:
+        known = ", ".join(materials) or "the materials of the file"
+        raise SceneError(f"{field}.material: expected one of {known}, got {table.material!r}")
+    return materials[table.material]
+
+
+def load_materials(tables: Mapping[str, schema.MaterialTable]) -> dict[str, Material]:
+    """Return the materials of `[materials]`."""
+    made = {}
+    for name, table in tables.items():
+        try:
+            made[name] = Material(**table.model_dump())
+        except SceneError as error:
+            raise SceneError(f"materials.{name}: {error}") from error
+    return made
 
 
 # --- textures -----------------------------------------------------------------------------------------------
@@ -31,8 +60,9 @@ _WHITE = 255
 class Paper:
     """A wallpaper: a photograph of known physical size, repeated by mirroring to cover any surface."""
 
-    def __init__(self, photo: NDArray[np.uint8], photo_m: float) -> None:
+    def __init__(self, photo: NDArray[np.uint8], photo_m: float, material: Material = PRINT) -> None:
         self.photo = photo
+        self.material = material
         self.texels_per_m = photo.shape[1] / photo_m
 
     def cover_surface(self, size_m: tuple[float, float], name: str) -> Texture:
@@ -51,42 +81,38 @@ def _mirrored(length: int, period: int) -> NDArray[np.int64]:
 
 
 def load_textures(
-    tables: Mapping[str, schema.TextureTable], variants: Mapping[str, str], folder: Path
+    tables: Mapping[str, schema.TextureTable], variants: Mapping[str, str], folder: Path, materials: Materials = PLAIN
 ) -> dict[str, Paper]:
     """Read every texture table; `variants` picks among a texture's variants (default: the first)."""
     for name in variants:
         if name not in tables or not tables[name].variants:
             raise SceneError(f"textures.{name}: expected a texture with variants, the file has none")
-    return {name: _load_texture(name, table, variants.get(name), folder) for name, table in tables.items()}
+    return {
+        name: _load_texture(name, table, variants.get(name), folder, material_of(table, materials, f"textures.{name}"))
+        for name, table in tables.items()
+    }
 
 
-def _load_texture(name: str, table: schema.TextureTable, variant: str | None, folder: Path) -> Paper:
+def _load_texture(
+    name: str, table: schema.TextureTable, variant: str | None, folder: Path, material: Material
+) -> Paper:
     if table.level is not None:
-        return Paper(np.full((1, 1), round(table.level), np.uint8), table.photo_m)
+        return Paper(np.full((1, 1), round(table.level), np.uint8), table.photo_m, material)
     field, file = f"textures.{name}.file", table.file
     if table.variants:
         variant = variant or next(iter(table.variants))
         if variant not in table.variants:
             raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
         field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
-    photo = _read_photo(_find_image(str(file), folder, field), field)
-    return Paper(scale_contrast(photo, table.contrast, table.mean), table.photo_m)
-
-
-def _find_image(file: str, folder: Path, field: str) -> Path:
-    """Return an image file beside the scene file, or else among the shipped assets."""
-    beside = folder / file
-    return shipped.file_inside(folder if beside.is_file() else shipped.ASSETS, file, field)
+    photo = _read_photo(shipped.file_beside(folder, str(file), field), field)
+    return Paper(scale_contrast(photo, table.contrast, table.mean), table.photo_m, material)
 
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     try:
-        photo = read_image(path)
+        return read_image_8_bits(path)
     except InputError as error:
         raise SceneError(f"{field}: {error}") from error
-    if photo.dtype != np.uint8:
-        raise SceneError(f"{field}: expected an 8-bit image, got {photo.dtype}")
-    return np.asarray(photo, dtype=np.uint8)
 
 
 def scale_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
@@ -112,11 +138,10 @@ def quad_pose(normal: ArrayLike, up: ArrayLike, center_m: ArrayLike, field: str)
 def build_quads(tables: tuple[schema.QuadTable, ...], textures: Mapping[str, Paper]) -> Iterator[Quad]:
     """Yield the quads of `[[quads]]`."""
     for i, table in enumerate(tables):
-        texture = _texture(textures, table.texture, f"quads[{i}].texture").cover_surface(
-            table.size_m, f"quads[{i}].size_m"
-        )
+        paper = _texture(textures, table.texture, f"quads[{i}].texture")
+        texture = paper.cover_surface(table.size_m, f"quads[{i}].size_m")
         pose = quad_pose(table.normal, table.up, table.center_m, f"quads[{i}]")
-        yield Quad(table.name, texture, table.size_m, pose)
+        yield Quad(table.name, texture, table.size_m, pose, material=paper.material)
 
 
 def _texture(textures: Mapping[str, Paper], name: str, field: str) -> Paper:
@@ -144,51 +169,70 @@ def room_quads(room: schema.RoomTable | None, textures: Mapping[str, Paper]) -> 
         if texture is not None:
             paper = _texture(textures, texture, f"room.{field}")
             size = (float(size_m[0]), float(size_m[1]))
-            yield Quad(
-                name, paper.cover_surface(size, f"room.{field}"), size, quad_pose(normal, up, center_m, f"room.{field}")
-            )
+            pose = quad_pose(normal, up, center_m, f"room.{field}")
+            yield Quad(name, paper.cover_surface(size, f"room.{field}"), size, pose, material=paper.material)
 
 
 # --- markers --------------------------------------------------------------------------------------------------
 
 
 def marker_quads(
-    markers: tuple[schema.MarkerTable, ...], paths: tuple[schema.MarkerPathTable, ...], room: schema.RoomTable | None
+    markers: tuple[schema.MarkerTable, ...],
+    paths: tuple[schema.MarkerPathTable, ...],
+    room: schema.RoomTable | None,
+    materials: Materials = PLAIN,
 ) -> Iterator[Quad]:
     """Yield every marker as a quad of white paper with the pattern in its middle."""
     for i, table in enumerate(markers):
         field = f"markers[{i}]"
         pose = quad_pose(table.normal, table.up, table.center_m, field)
-        yield check_inside(_marker_quad(table.name, table, pose, field), room, f"{field}.center_m")
+        quad = _marker_quad(table.name, table, pose, field, material_of(table, materials, field))
+        yield check_inside(quad, room, f"{field}.center_m")
     for i, path in enumerate(paths):
         field = f"marker_paths[{i}]"
+        material = material_of(path, materials, field)
         for j, pose in enumerate(path_poses(path)):
-            quad = _marker_quad(f"{path.name}{j + 1:02d}", path, pose, field)
+            quad = _marker_quad(f"{path.name}{j + 1:02d}", path, pose, field, material)
             yield check_inside(quad, room, f"{field}.waypoints_m")
 
 
-def _marker_quad(name: str, table: schema.MarkerTable | schema.MarkerPathTable, pose: Pose, field: str) -> Quad:
+def _marker_quad(
+    name: str, table: schema.MarkerTable | schema.MarkerPathTable, pose: Pose, field: str, material: Material
+) -> Quad:
     """Return the quad of one marker; its border is rounded to whole texels of the pattern."""
     pattern = marker_pattern(table.kind, f"{field}.kind")
     texel_m = table.side_m / len(pattern)
     border = round(table.border_m / texel_m)
     side_m = (len(pattern) + 2 * border) * texel_m
-    return Quad(name, _tile(table.kind, border), (side_m, side_m), pose, Mark(name, table.kind, table.side_m))
+    tile = _tile(pattern.tobytes(), pattern.shape, border)
+    return Quad(name, tile, (side_m, side_m), pose, Mark(name, table.kind, table.side_m), material)
 
 
 @lru_cache(maxsize=64)
-def _tile(kind: str, border: int) -> Texture:
+def _tile(pattern: bytes, shape: tuple[int, ...], border: int) -> Texture:
     """Return a pattern with a white border of whole texels; equal markers share one texture."""
-    return Texture.from_array(np.pad(marker_pattern(kind, "kind"), border, constant_values=_WHITE))
+    return Texture.from_array(np.pad(np.frombuffer(pattern, np.uint8).reshape(shape), border, constant_values=_WHITE))
 
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
     """Return the (side, side) image of a shipped marker."""
-    file = shipped.ASSETS / "markers" / f"{kind}.png"
-    if not file.is_file():
-        known = ", ".join(sorted(p.stem for p in file.parent.glob("*.png")))
-        raise SceneError(f"{field}: expected one of {known}, got {kind!r}")
-    return _read_photo(file, field)
+    known = _shipped_patterns()
+    if kind not in known:
+        raise SceneError(f"{field}: expected one of {', '.join(sorted(known))}, got {kind!r}")
+    return _shipped_pattern(known[kind])
+
+
+@lru_cache(maxsize=1)
+def _shipped_patterns() -> dict[str, Path]:
+    return {path.stem: path for path in (shipped.ASSETS / "markers").glob("*.png")}
+
+
+@lru_cache(maxsize=64)
+def _shipped_pattern(path: Path) -> NDArray[np.uint8]:
+    """Return a marker's image, read-only: a scene may have thousands of one kind."""
+    pattern = _read_photo(path, path.name)
+    pattern.setflags(write=False)
+    return pattern
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
@@ -217,10 +261,22 @@ def check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
 # --- furniture ------------------------------------------------------------------------------------------------
 
 
-def build_meshes(boxes: tuple[schema.BoxTable, ...], tables: tuple[schema.DeskTable, ...]) -> tuple[Mesh, ...]:
+def build_meshes(
+    boxes: tuple[schema.BoxTable, ...], tables: tuple[schema.DeskTable, ...], materials: Materials = PLAIN
+) -> tuple[Mesh, ...]:
     """Return the boxes and desks as triangle meshes."""
-    solids = [_mesh(table, [(table.size_m, (0.0, 0.0, table.size_m[2] / 2))]) for table in boxes]
-    return (*solids, *(_mesh(table, list(_desk_parts(table))) for table in tables))
+    return (
+        *(
+            _mesh(
+                table, [(table.size_m, (0.0, 0.0, table.size_m[2] / 2))], material_of(table, materials, f"boxes[{i}]")
+            )
+            for i, table in enumerate(boxes)
+        ),
+        *(
+            _mesh(table, list(_desk_parts(table)), material_of(table, materials, f"tables[{i}]"))
+            for i, table in enumerate(tables)
+        ),
+    )
 
 
 def _desk_parts(table: schema.DeskTable) -> Iterator[tuple[tuple[float, float, float], tuple[float, float, float]]]:
@@ -233,36 +289,80 @@ def _desk_parts(table: schema.DeskTable) -> Iterator[tuple[tuple[float, float, f
             yield (leg, leg, leg_height), (x * (width - leg) / 2, y * (depth - leg) / 2, leg_height / 2)
 
 
-def _mesh(table: schema.BoxTable | schema.DeskTable, parts: list[tuple[Any, Any]]) -> Mesh:
+def _mesh(table: schema.BoxTable | schema.DeskTable, parts: list[tuple[Any, Any]], material: Material) -> Mesh:
     import trimesh
 
     solid = trimesh.util.concatenate(
         [trimesh.creation.box(size, trimesh.transformations.translation_matrix(center)) for size, center in parts]
     )
     pose = compose(rotation_about("z", table.yaw_deg), table.center_m)
-    return Mesh(table.name, np.array(solid.vertices), np.array(solid.faces), pose, (table.level,) * 3)
+    return Mesh(table.name, np.array(solid.vertices), np.array(solid.faces), pose, (table.level,) * 3, material)
 
 
 # --- lights and camera ----------------------------------------------------------------------------------------
 
 
-def build_lights(tables: tuple[schema.LightTable, ...]) -> tuple[Light, ...]:
-    """Return the lights."""
-    return tuple(Light(**table.model_dump()) for table in tables)
+def build_lights(tables: tuple[schema.AnyLightTable, ...], folder: Path) -> tuple[Light | AreaLight | Environment, ...]:
+    """Return the lights; images of surroundings are looked for in `folder`, then among the assets."""
+    return tuple(_light(table, folder, f"lights[{i}].file") for i, table in enumerate(tables))
+
+
+def _light(table: schema.AnyLightTable, folder: Path, field: str) -> Light | AreaLight | Environment:
+    if isinstance(table, schema.LightTable):
+        return Light(**table.model_dump())
+    if isinstance(table, schema.AreaLightTable):
+        radiance = WINDOW_RADIANCE if table.radiance is None else table.radiance
+        return AreaLight(table.center_m, table.size_m, radiance, table.normal, table.up)
+    if table.file is None:
+        return Environment(table.radiance, None, table.yaw_deg)
+    path = shipped.file_beside(folder, table.file, field)
+    try:
+        image = read_image(path)
+    except InputError as error:
+        raise SceneError(f"{field}: {error}") from error
+    shares = image / np.iinfo(image.dtype).max
+    decoded = linear_from_srgb(shares) if table.curve == "srgb" else shares
+    return Environment(table.radiance, decoded.astype(np.float32), table.yaw_deg)
 
 
 def build_camera(table: schema.CameraTable) -> Camera:
     """Return the camera; focal length and principal point default to square pixels and the image centre."""
     base = _base_camera(table)
     own = {name: getattr(table, name) for name in ("fy", "cx", "cy") if getattr(table, name) is not None}
-    return replace(
+    built = replace(
         base,
         **own,
         distortion=table.distortion,
         model=table.model,
         row_time_s=table.row_time_s,
         exposure_s=table.exposure_s,
+        thin_lens=_thin_lens(table),
     )
+    return check_focal_length(built)
+
+
+def check_focal_length(camera: Camera) -> Camera:
+    """Return a camera from a file whose focal length can be one in px.
+
+    Raises
+    ------
+    SceneError
+        If its angle of view would be above 175°, or 360° for a fisheye: lengths in mm, or in image widths, give that.
+    """
+    most = np.pi if camera.model == "fisheye" else np.tan(np.deg2rad(87.5))
+    for name, focal, size in (("fx", camera.fx, camera.width), ("fy", camera.fy, camera.height)):
+        least = size / 2 / most
+        if focal < least:
+            raise SceneError(f"camera: {name}: expected px, at least {least:.3g} for {size} px, got {focal:g}")
+    return camera
+
+
+def _thin_lens(table: schema.CameraTable) -> ThinLens | None:
+    if table.focus_m is None:
+        return None
+    if table.f_number is not None and table.focal_mm is not None:
+        return from_f_number(table.focus_m, table.focal_mm, table.f_number)
+    return ThinLens(table.focus_m, table.aperture_m or 0.0)
 
 
 def _base_camera(table: schema.CameraTable) -> Camera:

@@ -7,21 +7,24 @@ import numpy as np
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.scene import schema as schema
-from peaksim.scene.build import check_inside, marker_pattern, quad_pose
+from peaksim.scene.build import PLAIN, Materials, check_inside, marker_pattern, material_of, quad_pose
+from peaksim.scene.material import PRINT, Material
 from peaksim.scene.scene import Mark, Quad
 from peaksim.scene.texture import MAX_TEXELS, Texture
 
 _BLANK = "."
 
 
-def poster_quads(tables: tuple[schema.PosterTable, ...], room: schema.RoomTable | None) -> Iterator[Quad]:
+def poster_quads(
+    tables: tuple[schema.PosterTable, ...], room: schema.RoomTable | None, materials: Materials = PLAIN
+) -> Iterator[Quad]:
     """Yield the posters; copies of one poster share its texture."""
     for i, table in enumerate(tables):
-        for quad in poster_copies(table, f"posters[{i}]"):
+        for quad in poster_copies(table, f"posters[{i}]", material_of(table, materials, f"posters[{i}]")):
             yield check_inside(quad, room, f"posters[{i}].center_m")
 
 
-def poster_copies(table: schema.PosterTable, field: str) -> Iterator[Quad]:
+def poster_copies(table: schema.PosterTable, field: str, material: Material = PRINT) -> Iterator[Quad]:
     """Yield a poster once, or its copies from the top left, row by row, numbered from 01."""
     texture, size_m, marks = print_poster(table, field)
     middle = quad_pose(table.normal, table.up, table.center_m, field)
@@ -32,7 +35,7 @@ def poster_copies(table: schema.PosterTable, field: str) -> Iterator[Quad]:
         x, y = (k % across - (across - 1) / 2) * step_m[0], ((down - 1) / 2 - k // across) * step_m[1]
         pose = middle @ compose(rotation_about("z", table.turn_deg), [x, y, 0.0])
         named = tuple(Mark(f"{table.name}{number}.{m.name}", m.kind, m.side_m, m.center_m) for m in marks)
-        yield Quad(table.name + number, texture, size_m, pose, named)
+        yield Quad(table.name + number, texture, size_m, pose, named, material)
 
 
 def print_poster(table: schema.PosterTable, field: str) -> tuple[Texture, tuple[float, float], tuple[Mark, ...]]:

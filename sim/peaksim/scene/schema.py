@@ -37,6 +37,18 @@ class CameraTable(StrictTable):
     model: Literal["brown", "fisheye"] = "brown"
     row_time_s: NotNegative = 0.0
     exposure_s: NotNegative = 0.0
+    focus_m: Positive | None = None
+    aperture_m: Positive | None = None
+    f_number: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_aperture(self) -> "CameraTable":
+        apertures = (self.aperture_m is not None) + (self.f_number is not None)
+        if apertures != (self.focus_m is not None):
+            raise ValueError("expected focus_m together with one of aperture_m and f_number")
+        if self.f_number is not None and self.focal_mm is None:
+            raise ValueError("expected focal_mm beside f_number, whose aperture is a share of it; or aperture_m")
+        return self
 
     @model_validator(mode="after")
     def _one_description(self) -> "CameraTable":
@@ -61,6 +73,16 @@ class WaypointTable(StrictTable):
     target_m: Point3
 
 
+class MaterialTable(StrictTable):
+    """`[materials.NAME]`: how printed levels reflect light, and whether the surface shines."""
+
+    kind: Literal["diffuse", "plastic"] = "diffuse"
+    reflectance: tuple[Number, Number] = (0.0, 1.0)
+    curve: Literal["linear", "srgb"] = "linear"
+    roughness: NotNegative = 0.1
+    ior: Positive = 1.5
+
+
 class TextureTable(StrictTable):
     """`[textures.NAME]`: a photograph with its physical size, or a plain level."""
 
@@ -70,6 +92,7 @@ class TextureTable(StrictTable):
     contrast: NotNegative = 1.0
     mean: GreyLevel | None = None
     level: GreyLevel | None = None
+    material: Name | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> "TextureTable":
@@ -115,6 +138,7 @@ class MarkerTable(StrictTable):
     center_m: Point3
     normal: Point3 = (0.0, 0.0, 1.0)
     up: Point3 = (0.0, 1.0, 0.0)
+    material: Name | None = None
 
 
 class MarkerPathTable(StrictTable):
@@ -127,6 +151,7 @@ class MarkerPathTable(StrictTable):
     border_m: NotNegative = 0.0
     waypoints_m: Annotated[tuple[Point2, ...], Field(min_length=2)]
     height_m: NotNegative = 0.001
+    material: Name | None = None
 
 
 class PosterTable(StrictTable):
@@ -147,6 +172,7 @@ class PosterTable(StrictTable):
     turn_deg: Number = 0.0
     copies: tuple[Copies, Copies] = (1, 1)
     step_m: tuple[Positive, Positive] | None = None
+    material: Name | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> "PosterTable":
@@ -170,6 +196,7 @@ class BoxTable(StrictTable):
     center_m: Point3
     yaw_deg: Number = 0.0
     level: GreyLevel = 128.0
+    material: Name | None = None
 
 
 class DeskTable(StrictTable):
@@ -182,6 +209,7 @@ class DeskTable(StrictTable):
     level: GreyLevel = 128.0
     top_m: Positive = 0.03
     leg_m: Positive = 0.05
+    material: Name | None = None
 
     @model_validator(mode="after")
     def _has_legs(self) -> "DeskTable":
@@ -202,6 +230,37 @@ class LightTable(StrictTable):
     casts_shadows: bool = True
 
 
+class AreaLightTable(StrictTable):
+    """`[[lights]]` of kind "area", a shining rectangle, or "window", one of the sky's brightness in a wall."""
+
+    kind: Literal["area", "window"]
+    center_m: Point3
+    size_m: tuple[Positive, Positive]
+    radiance: NotNegative | None = None
+    normal: Point3 = (0.0, 0.0, -1.0)
+    up: Point3 = (0.0, 0.0, 1.0)
+
+    @model_validator(mode="after")
+    def _is_stated(self) -> "AreaLightTable":
+        needed = "radiance" if self.kind == "area" else "normal"
+        if needed not in self.model_fields_set:
+            raise ValueError(f'expected {needed} for a light of kind "{self.kind}"')
+        return self
+
+
+class EnvironmentTable(StrictTable):
+    """`[[lights]]` of kind "environment": an even sky, or an image of the surroundings."""
+
+    kind: Literal["environment"]
+    radiance: NotNegative = 1.0
+    file: str | None = None
+    curve: Literal["linear", "srgb"] = "srgb"
+    yaw_deg: Number = 0.0
+
+
+AnyLightTable = Annotated[LightTable | AreaLightTable | EnvironmentTable, Field(discriminator="kind")]
+
+
 class SceneTable(StrictTable):
     """The whole file."""
 
@@ -217,4 +276,5 @@ class SceneTable(StrictTable):
     posters: tuple[PosterTable, ...] = ()
     boxes: tuple[BoxTable, ...] = ()
     tables: tuple[DeskTable, ...] = ()
-    lights: tuple[LightTable, ...] = ()
+    lights: tuple[AnyLightTable, ...] = ()
+    materials: dict[Name, MaterialTable] = Field(default_factory=dict)

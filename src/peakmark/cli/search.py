@@ -3,15 +3,16 @@
 from pathlib import Path
 from typing import Annotated
 
-from rich.console import Console
 from typer import Option
 
+from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Out, Quiet
-from peakmark.cli.terminal import FIGURES, print_path, print_table, progress_bar
+from peakmark.cli.terminal import FIGURES, new_console, print_path, print_table, progress_bar
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.search.training import SearchTrainingConfig, collect_evidence, result_rows, train, write_model
 
 
+@examples("python scripts/train_search.py --workers 2", "python scripts/train_search.py --images 24 --out out/quick")
 def train_search(
     out: Out = Path("out/search"),
     images: Annotated[int, Option(help="Random images with markers.")] = SearchTrainingConfig.images,
@@ -24,9 +25,9 @@ def train_search(
     Writes general.json (which ships in peakmark.identification) and result.json; an interrupted run resumes.
     """
     config = SearchTrainingConfig(images, seed)
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     journal = Journal.open(out, {"images": images, "seed": seed})
-    with progress_bar(console, "render, align") as bar:
+    with resumable(), progress_bar(console, "render, align") as bar:
         evidence = collect_evidence(config, journal, workers, bar.show)
     model = train(evidence, config)
     write_model(out, model)

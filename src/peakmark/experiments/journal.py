@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from peakmark.errors import InputError
+from peakmark.plain import to_plain
 
 
 @dataclass(frozen=True)
@@ -28,14 +29,7 @@ class Journal:
     def open(cls, out: str | Path, configuration: Mapping[str, Any], is_resumed: bool = True) -> Self:
         """Read what an earlier run into `out` left, or begin anew where there is nothing, or it is not to be resumed.
 
-        Parameters
-        ----------
-        out
-            Folder; made if missing.
-        configuration
-            Plain values that decide what the records hold.
-        is_resumed
-            False forgets what is there.
+        `out` is made if missing; the configuration is plain values that decide what the records hold.
 
         Raises
         ------
@@ -98,6 +92,20 @@ class Journal:
     def remove_files(self) -> None:
         """Delete the files that belong to items; their records stay."""
         shutil.rmtree(self.path.with_suffix(""), ignore_errors=True)
+
+
+def journal_key(values: Any) -> dict[str, Any]:
+    """Return the plain values of a configuration or camera that decide what records hold.
+
+    Fields of the traced renderer count only where it draws, so that journals from before it still fit.
+    """
+    plain: dict[str, Any] = to_plain(values)
+    if plain.get("renderer") != "traced":
+        plain.pop("samples", None)
+    for part in (plain, plain.get("camera", {})):
+        if part.get("thin_lens", "none") is None:
+            del part["thin_lens"]
+    return plain
 
 
 def _entry(line: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.identification.detection import (
     SIDE_OF_SCALE,
     Detection,
@@ -23,7 +23,7 @@ from peakmark.identification.stretch import Stretch, stretched, unstretched
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity
+from peakmark.markers.patterns import Polarity, check_pattern
 from peakmark.refine.api import refine
 
 Rule = Literal["general", "joint", "paper"]
@@ -96,13 +96,9 @@ def identify(
 
 
 def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -> None:
-    for name, value, choices in (
-        ("rule", rule, get_args(Rule)),
-        ("polarity", polarity, (*get_args(Polarity), "both")),
-        ("limit", limit, get_args(Limit)),
-    ):
-        if value not in choices:
-            raise InputError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
+    check_choice(rule, get_args(Rule), "rule")
+    check_choice(polarity, (*get_args(Polarity), "both"), "polarity")
+    check_choice(limit, get_args(Limit), "limit")
     if rule == "general" and given:
         raise InputError(f'{given[0]}: expected none with rule "general", which searches everywhere')
     if rule != "general" and polarity == "both":
@@ -137,8 +133,8 @@ def identify_features(
     refine: bool = True,
 ) -> Identification:
     """Return which of an image's features, strongest first and with descriptors, are markers; see `identify`."""
-    if rule not in get_args(Narrower):
-        raise InputError(f"rule: expected one of {', '.join(get_args(Narrower))}, got {rule!r}")
+    check_choice(rule, get_args(Narrower), "rule")
+    check_pattern(polarity, limit)
     assert features.descriptors is not None
     distances = signature_distances(features.descriptors, polarity)
     if rule == "paper":
@@ -156,10 +152,11 @@ def refine_detections(
     gray: NDArray[np.uint8], detections: tuple[Detection, ...], limit: Limit = "energy"
 ) -> tuple[Detection, ...]:
     """Return detections of one polarity with refined centre, size and affinity, where the pattern can be aligned."""
+    check_choice(limit, get_args(Limit), "limit")
     if not detections:
         return ()
     sides = [SIDE_OF_SCALE * max(detection.size, 2.0) for detection in detections]
-    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(detections[0].polarity, limit))
+    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(detections[0].polarity or "dark", limit))
     return tuple(
         replace(
             detection,

@@ -15,7 +15,7 @@ from peaksim.scene.scene import Mark, Quad, Scene
 from peaksim.scene.texture import Texture
 from scipy.special import expit
 
-from peakmark.markers.patterns import Polarity, bordered, surf_marker
+from peakmark.markers.patterns import Polarity, surf_marker
 
 CAMERA = Camera(640, 480, 620.0, 620.0, 319.5, 239.5)
 _TEXELS = 99
@@ -63,7 +63,7 @@ def _sheets(rng: np.random.Generator, side_m: float) -> list[Quad]:
         polarity: Polarity = "dark" if rng.random() < 0.5 else "light"
         is_marker = rng.random() < _MARKERS
         pattern = surf_marker(_TEXELS, polarity) if is_marker else draw_decoy(rng)
-        texels = bordered(pattern, round(float(rng.uniform(0.06, 0.3)) * _TEXELS))
+        texels = np.pad(pattern, round(float(rng.uniform(0.06, 0.3)) * _TEXELS), constant_values=255)
         size = side_m * texels.shape[0] / _TEXELS
         marks = (Mark(f"m{number}", f"surf-{polarity}", side_m),) if is_marker else ()
         quads.append(Quad(f"sheet{number}", Texture.from_array(texels), (size, size), pose, marks))

@@ -1,0 +1,40 @@
+"""Lights that are shut in: they would light the inside of a solid that nobody sees."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from peaksim.errors import SceneError
+from peaksim.scene.lamps import AreaLight
+from peaksim.scene.scene import Light, Scene
+
+
+def check_lights(scene: Scene, eye_m: NDArray[np.float64]) -> None:
+    """Refuse lights inside a closed mesh that the camera is outside of.
+
+    Raises
+    ------
+    SceneError
+        One line that names the light and the mesh.
+    """
+    for k, light in enumerate(scene.lights):
+        if isinstance(light, AreaLight):
+            position = light.world_from_light[:3, 3]
+        elif isinstance(light, Light) and light.kind == "point" and light.casts_shadows:
+            position = np.asarray(light.position_m)
+        else:
+            continue
+        for mesh in scene.meshes:
+            if is_inside(mesh.triangles_m, position) and not is_inside(mesh.triangles_m, eye_m):
+                raise SceneError(f"lights[{k}]: expected a light outside of mesh {mesh.name!r}, got one inside it")
+
+
+def is_inside(triangles_m: NDArray[np.float64], point_m: ArrayLike) -> bool:
+    """Return whether (m, 3, 3) triangles wind around a point: the sum of their solid angles is then ±4π.
+
+    Van Oosterom and Strackee 1983, doi:10.1109/TBME.1983.325207.
+    """
+    a, b, c = np.moveaxis(triangles_m - np.asarray(point_m), 1, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    below = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    return bool(abs(np.arctan2(volume, below).sum()) > np.pi)
