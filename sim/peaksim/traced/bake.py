@@ -31,9 +31,11 @@ MOST_TEXELS = 3_000_000
 """Texels are made larger where a scene would need more: 0.4 GB of tables and a minute of two processors."""
 _COARSE = 4
 """Texels of indirect light are this much larger."""
+_SMOOTH = 1.0
+"""Standard deviation of the filter of indirect light, in its texels."""
 _BACK = 8
 """Texels of the backs of quads are this much larger than those of their printed faces, for they are seldom seen."""
-_LAMP, _PENUMBRA, _SKY, _INDIRECT = 32, 512, 512, 512
+_LAMP, _PENUMBRA, _SKY, _INDIRECT = 128, 512, 512, 512
 """Samples a texel: rays to a lamp; the same where some are blocked; rays to the sky; paths of indirect light."""
 _TEXELS_AT_ONCE = 1 << 20
 _PAIRS_AT_ONCE = 1 << 18
@@ -94,8 +96,10 @@ def bake_light(scene: Scene, texel_m: float = TEXEL_M, seed: int = 0) -> LightMa
             (_direct(tools, world, fine, half), _indirect(tools, world, coarse, half))
             for half in (2 * seed, 2 * seed + 1)
         ]
-    mean = _joined(scene, fine, coarse, *((a + b) / 2 for a, b in zip(*halves, strict=True)))
-    noise = WHITE * float(np.sqrt(sum(np.mean((a - b) ** 2) for a, b in zip(*halves, strict=True)))) / 2
+    hidden = [texels.split(_is_inside_solid(scene, texels)) for texels in (fine, coarse)]
+    first, second = (_joined(fine.split(direct), coarse.split(indirect), *hidden) for direct, indirect in halves)
+    noise = WHITE * float(np.sqrt(((first - second) ** 2).mean())) / 2
+    mean = np.asarray((first + second) / 2, dtype=np.float32)
     detail = WHITE * _detail(fine.split(mean))
     return LightMaps(fine.shapes.reshape(-1, 2, 2), _with_lamps(scene, fine, mean), texel_m, noise, detail)
 
@@ -285,29 +289,33 @@ def _passed_on(path: Any, work: Work, sampler: Any, point: Any, normal: Any, at:
 # --- maps -------------------------------------------------------------------------------------------------------
 
 
-def _joined(
-    scene: Scene, fine: Texels, coarse: Texels, direct: NDArray[np.float32], indirect: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Return (t, channels) the sum of both kinds of light on fine texels."""
+Images = list[NDArray[np.float32]]
+
+
+def _joined(direct: Images, indirect: Images, direct_hidden: Images, indirect_hidden: Images) -> NDArray[np.float32]:
+    """Return (t, channels) the sum of both kinds of light on fine texels; hidden ones show what is beside them."""
     sums = []
-    for near, far in zip(_filled(scene, fine, direct), _filled(scene, coarse, indirect), strict=True):
+    for near, far, near_hidden, far_hidden in zip(direct, indirect, direct_hidden, indirect_hidden, strict=True):
         height, width, channels = near.shape
-        scaled = cv2.resize(far, (width, height), interpolation=cv2.INTER_LINEAR)
-        sums.append((near + scaled.reshape(near.shape)).reshape(-1, channels))
+        smooth = _smoothed(_spread(far, far_hidden), far_hidden)
+        scaled = cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR).reshape(near.shape)
+        sums.append((_spread(near, near_hidden) + scaled).reshape(-1, channels))
     return np.concatenate(sums)
 
 
-def _filled(scene: Scene, texels: Texels, values: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-    """Return the maps of values; texels inside solids, where it is dark, show what is beside them."""
-    hidden = texels.split(_is_inside_solid(scene, texels)[:, None].astype(np.float32))
-    return [
-        _spread(image, 1 - covered) if covered.any() else image
-        for image, covered in zip(texels.split(values), hidden, strict=True)
-    ]
+def _smoothed(image: NDArray[np.float32], hidden: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return indirect light without most of its noise: means over neighbours that are not hidden."""
+    valid = 1 - hidden
+    share = cv2.GaussianBlur(valid, (0, 0), _SMOOTH).reshape(valid.shape)
+    mean = cv2.GaussianBlur(image * valid, (0, 0), _SMOOTH).reshape(image.shape) / np.maximum(share, 1e-6)
+    return np.asarray(np.where(share > 0.1, mean, image), dtype=np.float32)
 
 
-def _spread(image: NDArray[np.float32], valid: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return an image with its (h, w, 1) valid pixels kept, and two more around them that are means of neighbours."""
+def _spread(image: NDArray[np.float32], hidden: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return an image whose (h, w, 1) hidden pixels are means of neighbours, two pixels far, and 0 farther within."""
+    if not hidden.any():
+        return image
+    valid = 1 - hidden
     image = image * valid
     for _ in range(2):
         share = cv2.blur(valid, (3, 3)).reshape(valid.shape)
@@ -317,8 +325,8 @@ def _spread(image: NDArray[np.float32], valid: NDArray[np.float32]) -> NDArray[n
     return image
 
 
-def _is_inside_solid(scene: Scene, texels: Texels) -> NDArray[np.bool_]:
-    """Return (t,) whether the middle of a texel is inside a mesh."""
+def _is_inside_solid(scene: Scene, texels: Texels) -> NDArray[np.float32]:
+    """Return (t, 1) 1 where the middle of a texel is inside a mesh, else 0."""
     numbers, inside = texels.numbers, np.zeros(len(texels.numbers), dtype=bool)
     share = (numbers[:, :0:-1] + 0.5) / texels.shapes[numbers[:, 0]][:, ::-1]
     frames = texels.frames[numbers[:, 0]]
@@ -329,7 +337,7 @@ def _is_inside_solid(scene: Scene, texels: Texels) -> NDArray[np.bool_]:
         some = np.flatnonzero(near)
         for part in np.array_split(some, len(some) * len(mesh.faces) // _PAIRS_AT_ONCE + 1):
             inside[part] |= is_inside(mesh.triangles_m, points[part])
-    return inside
+    return inside[:, None].astype(np.float32)
 
 
 def _detail(images: list[NDArray[np.float32]]) -> float:
