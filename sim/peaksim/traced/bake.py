@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.faces import EXTENT_P, EXTENT_Q, NORMAL, Faces, channels_of, faces_of
+from peaksim.area.faces import EXTENT_P, EXTENT_Q, NORMAL, Faces, channels_of, faces_of, triangles_m, unit_normals
 from peaksim.area.light_map import LightMaps, split_maps
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import WHITE
@@ -52,7 +52,7 @@ class Texels(NamedTuple):
     frames: NDArray[np.float32]
     """(m, 4, 3) first corner, lifted off the face, both sides, and the unit normal outwards, m."""
     folded: NDArray[np.bool_]
-    """(m,) whether the face is a triangle: texels beyond its third side show what is nearest on it."""
+    """(m,) whether a face ends at its third side: texels beyond it show what is nearest on it."""
 
     @property
     def numbers(self) -> NDArray[np.int64]:
@@ -148,7 +148,23 @@ def _texels(faces: Faces, scene: Scene, side_m: float) -> Texels:
     corners = faces.planes[:, None, 0] + lifts * normals
     both = np.broadcast_to(across[:, None], corners.shape), np.broadcast_to(down[:, None], corners.shape)
     frames = np.stack([corners, *both, normals], axis=2).reshape(-1, 4, 3).astype(np.float32)
-    return Texels(shapes.reshape(-1, 2), frames, np.repeat(np.arange(count) >= quads + lamps, 2))
+    folded = np.zeros(count, dtype=bool)
+    folded[quads + lamps :] = [not flat for flat in _go_on_flat(triangles_m(scene.meshes))]
+    return Texels(shapes.reshape(-1, 2), frames, np.repeat(folded, 2))
+
+
+def _go_on_flat(triangles: NDArray[np.float64]) -> list[bool]:
+    """Return of each of (m, 3, 3) triangles whether another one in its plane begins beyond its third side."""
+    normals = unit_normals(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    corners = np.round(triangles, 6) + 0.0
+    edges: dict[frozenset[tuple[float, ...]], list[int]] = {}
+    for k, (a, b, c) in enumerate(corners.tolist()):
+        for side in ((a, b), (b, c), (c, a)):
+            edges.setdefault(frozenset(map(tuple, side)), []).append(k)
+    return [
+        any(k != other and normals[k] @ normals[other] > 1 - 1e-6 for other in edges[frozenset(map(tuple, third))])
+        for k, third in enumerate(corners[:, 1:].tolist())
+    ]
 
 
 def lifts_over_near_m(quads: tuple[Quad, ...]) -> NDArray[np.float64]:
