@@ -52,8 +52,9 @@ def pack_maps(maps: LightMaps | None) -> PackedMaps:
     if maps is None:
         return NO_MAPS
     shapes = maps.shapes.reshape(-1, 2)
-    starts = np.cumsum([0, *shapes.prod(axis=1)[:-1]])
-    return PackedMaps(np.column_stack([starts, shapes]).reshape(-1, 2, 3), maps.texels)
+    sizes = shapes.prod(axis=1)
+    table = np.column_stack([np.cumsum(sizes) - sizes, shapes])
+    return PackedMaps(table.reshape(-1, 2, 3), maps.texels)
 
 
 def split_maps(shapes: NDArray[np.int64], values: NDArray[np.float32]) -> list[NDArray[np.float32]]:

@@ -88,6 +88,10 @@ def bake_light(scene: Scene, texel_m: float = TEXEL_M, seed: int = 0) -> LightMa
         Where Mitsuba or LLVM is missing.
     """
     faces = faces_of(lit_scene(scene))
+    if not len(faces.planes):
+        return LightMaps(
+            np.zeros((0, 2, 2), np.int64), np.zeros((0, channels_of(scene)), np.float32), texel_m, 0.0, 0.0
+        )
     texel_m = max(texel_m, float(np.sqrt(_area_m2(faces, scene) / MOST_TEXELS)))
     fine, coarse = (_texels(faces, scene, side_m) for side_m in (texel_m, _COARSE * texel_m))
     with tools_for(channels_of(scene)) as tools:

@@ -1,6 +1,7 @@
 """Baked light against traced images, against figures that can be derived, and the same in both fast renderers."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -96,6 +97,11 @@ def test_an_even_sky_over_open_ground_lights_with_multiplier_1() -> None:
     scene = Scene((Quad("floor", WHITE, (2.0, 2.0), np.eye(4)),), (), (Environment(1.0),))
     baked = draw(scene, bake_light(scene))
     assert baked == pytest.approx(255.0, rel=0.01)  # the sky is seen behind the ground
+
+
+def test_without_any_surface_the_even_sky_is_the_background(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PEAKSIM_CACHE", str(tmp_path))
+    assert render(Scene(lights=(Environment(0.2),)), CAMERA, POSE, "exact").linear == pytest.approx(51.0)
 
 
 def test_plain_light_keeps_its_exact_edges_and_gives_its_indirect_light() -> None:
