@@ -10,7 +10,9 @@ from tests.house import circles, files_of, graph_of, imported, upward
 from tests.places import ROOT
 
 SIM_FLOORS = (
-    ("peaksim.errors", "peaksim.kernel", "peaksim.lazy", "peaksim.whole_file"),
+    ("peaksim.compiling",),
+    ("peaksim.errors", "peaksim.kernel", "peaksim.lazy", "peaksim.threads", "peaksim.whole_file"),
+    ("peaksim.text_file",),
     ("peaksim.shipped", "peaksim.toml_file", "peaksim.image_file", "peaksim.geometry"),
     ("peaksim.camera",),
     ("peaksim.scene",),
@@ -24,7 +26,7 @@ SIM_FLOORS = (
 
 FLOORS = (
     *SIM_FLOORS,
-    ("peakmark.errors",),
+    ("peakmark.errors", "peakmark.version"),
     ("peakmark.parallel", "peakmark.plain"),
     ("peakmark.keypoints", "peakmark.markers"),
     ("peakmark.surf", "peakmark.refine"),
@@ -33,8 +35,8 @@ FLOORS = (
     ("peakmark.localise",),
     ("peakmark.score",),
     ("peakmark.report",),
-    ("peakmark.regress", "peakmark.experiments.journal"),
-    ("peakmark.experiments.run",),
+    ("peakmark.regress", "peakmark.experiments.journal", "peakmark.experiments.option"),
+    ("peakmark.experiments.photographs", "peakmark.experiments.run"),
     ("peakmark.experiments.floor", "peakmark.experiments.detectability"),
     ("peakmark.experiments.robot", "peakmark.experiments.cave"),
     ("peakmark.experiments",),

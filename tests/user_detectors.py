@@ -1,9 +1,14 @@
 """Detectors as users might bring them, good and bad: run as `module:function` in a process of their own."""
 
 import os
+import shutil
+import signal
+import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -27,6 +32,51 @@ def detection(gray: NDArray[np.uint8]) -> tuple[Detection, ...]:
     """Take the brightest pixel for a marker."""
     y, x = np.unravel_index(np.argmax(gray), gray.shape)
     return (Detection(0, np.array([x, y], float), 5.0, "light", 7.5, 0.25, 3),)
+
+
+def detection_list(gray: NDArray[np.uint8]) -> list[Detection]:
+    return list(detection(gray))
+
+
+def of_numpys_numbers(gray: NDArray[np.uint8]) -> Any:
+    (found,) = detection(gray)
+    numbers = {"size": np.float32(5), "response": np.float64(7.5), "rank": np.int64(3)}
+    return [replace(found, xy=[33, 11], **numbers)]  # type: ignore[arg-type]
+
+
+def without_polarity(gray: NDArray[np.uint8]) -> list[Detection]:
+    return [replace(found, polarity=None) for found in detection(gray)]
+
+
+def detection_or_nothing(gray: NDArray[np.uint8]) -> list[Detection]:
+    """Take the brightest pixel for a marker, on some images."""
+    return list(detection(gray)) if int(gray.sum()) % 2 else []
+
+
+def array_of_points(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+    return np.array([brightest(gray)[0].pt])
+
+
+def no_points(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+    return np.array([])
+
+
+def list_of_pairs(gray: NDArray[np.uint8]) -> list[tuple[float, float]]:
+    return [brightest(gray)[0].pt, (3.0, 4.0)]
+
+
+def described(gray: NDArray[np.uint8]) -> tuple[list[cv2.KeyPoint], NDArray[np.float32]]:
+    return brightest(gray), np.zeros((1, 64), np.float32)
+
+
+def as_opencvs_surf(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Tell polarity by the class id, as OpenCV's SURF does."""
+    return [cv2.KeyPoint(1.0, 2.0, 5.0, -1.0, 9.0, 0, 1), cv2.KeyPoint(3.0, 4.0, 5.0, -1.0, 8.0, 0, -1)]
+
+
+def our_key_points(gray: NDArray[np.uint8]) -> Keypoints:
+    found = Keypoints.from_opencv(brightest(gray))
+    return found.with_columns(laplacian=np.full(len(found), -1))
 
 
 def chatty(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
@@ -69,6 +119,10 @@ def wrong_type(gray: NDArray[np.uint8]) -> Any:
     return {"x": 1}
 
 
+def wrong_shape(gray: NDArray[np.uint8]) -> Any:
+    return np.zeros((4, 3))
+
+
 def always_nan(gray: NDArray[np.uint8]) -> Any:
     return [cv2.KeyPoint(float("nan"), 1.0, 1.0)]
 
@@ -81,6 +135,32 @@ def fails_on_every_third(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     """Fail on every third image, by its content."""
     if int(gray.sum()) % 3 == 1:
         raise RuntimeError("not today")
+    return brightest(gray)
+
+
+STUBBORN = "import signal, time; [signal.signal(n, signal.SIG_IGN) for n in (1, 2, 15)]; time.sleep(300)"
+
+
+def stubborn(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Hang with two children, one of them in a session of its own; all ignore what they are asked."""
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    for is_apart in (True, False):
+        subprocess.Popen([sys.executable, "-c", STUBBORN], start_new_session=is_apart)
+    Path(os.environ["PEAKMARK_TEST_READY"]).touch()
+    while True:
+        pass
+
+
+def hangs(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    time.sleep(1000)
+    return []
+
+
+def deletes(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """Delete its image, as a program that reads from a spool may do, and the folder of it."""
+    (folder,) = Path(tempfile.gettempdir()).glob("peakmark-*")
+    shutil.rmtree(folder)
     return brightest(gray)
 
 

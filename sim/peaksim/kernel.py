@@ -9,6 +9,22 @@ from collections.abc import Callable
 from typing import Any
 
 from numba import njit
+from numba.core.event import Listener, register
+
+from peaksim.compiling import tell
+
+
+class _Compiling(Listener):  # type: ignore[misc]  # Numba has no types
+    """Tells `peaksim.compiling` that a kernel is compiled."""
+
+    def on_start(self, event: object) -> None:
+        tell()
+
+    def on_end(self, event: object) -> None:
+        pass
+
+
+register("numba:compile", _Compiling())
 
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
 _PART_OPTIONS = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}

@@ -17,7 +17,6 @@ from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import quantise
 from peaksim.camera.shutter import PosedCamera, still_camera
 from peaksim.errors import SceneError
-from peaksim.geometry.pose import rigid
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
 from peaksim.gl.context import why_not
@@ -101,7 +100,7 @@ def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, tim
         raise SceneError(f"time_s: expected a finite time, got {time_s}")
     if isinstance(world_from_camera, Trajectory):
         return PosedCamera(camera, world_from_camera, time_s)
-    return still_camera(camera, rigid(world_from_camera, "world_from_camera"))
+    return still_camera(camera, world_from_camera)
 
 
 def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:

@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from peakmark.identification.detection import Detection as Detection
     from peakmark.keypoints.keypoints import Keypoints as Keypoints
     from peakmark.markers import patterns as marker  # noqa: F401 — a public name, like all others
+    from peakmark.version import __version__ as __version__
 
 __all__, __getattr__, __dir__ = lazy_names(
     __name__,
     {
+        "__version__": "peakmark.version",
         "Detection": "peakmark.identification.detection",
         "Keypoints": "peakmark.keypoints.keypoints",
         "decode_arrays": "peakmark.arrays.decode",

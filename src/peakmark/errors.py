@@ -1,4 +1,4 @@
-"""The exceptions a user can meet, as one small tree.
+"""The exceptions a user can meet, as one small tree, and the line in which they are told.
 
 ::
 
@@ -12,6 +12,16 @@
 Commands print an `InputError` as one line and exit with status 2, a `RendererError` with status 3.
 """
 
-from peaksim.errors import ImageError, InputError, RendererError, SceneError
+from peaksim.errors import ImageError, InputError, RendererError, SceneError, check_choice
 
-__all__ = ["ImageError", "InputError", "RendererError", "SceneError"]
+__all__ = ["ImageError", "InputError", "RendererError", "SceneError", "check_choice", "one_line"]
+
+
+def one_line(text: str) -> str:
+    r"""Return text as one line that is safe to print: characters that a terminal would obey are escaped.
+
+    >>> one_line("red \x1b[31m\nalert")
+    'red \\x1b[31m alert'
+    """
+    line = " ".join(text.split())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)

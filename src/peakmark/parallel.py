@@ -1,4 +1,4 @@
-"""Threads for kernels that release the GIL: one shared pool, and a count the caller controls.
+"""Threads for kernels that release the GIL: a count the caller controls, on the pool of `peaksim.threads`.
 
 Work is cut into bands whose results do not depend on the cut, and joined in band order, so the bytes are the same
 for any number of threads.
@@ -6,10 +6,11 @@ for any number of threads.
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import TypeVar
+
+from peaksim.threads import map_in_threads
 
 from peakmark.errors import InputError
 
@@ -17,7 +18,6 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 _threads: int | None = None
-_pool: ThreadPoolExecutor | None = None
 
 
 def thread_count() -> int:
@@ -36,11 +36,10 @@ def set_thread_count(count: int | None) -> None:
     InputError
         If the count is below 1.
     """
-    global _threads, _pool
+    global _threads
     if count is not None and count < 1:
         raise InputError(f"threads: expected a count of at least 1, got {count}")
     _threads = count
-    _pool = None
 
 
 @contextmanager
@@ -59,26 +58,7 @@ def map_parallel(work: Callable[[Task], Result], tasks: Iterable[Task]) -> list[
 
     Raises what `work` raises, once no thread works on these tasks any more.
     """
-    listed = list(tasks)
-    helpers = min(thread_count(), len(listed)) - 1
-    if helpers < 1:
-        return [work(task) for task in listed]
-    results: dict[int, Result] = {}
-    waiting = iter(range(len(listed)))  # the GIL hands each index to one thread
-
-    def take_tasks() -> None:
-        for index in waiting:
-            results[index] = work(listed[index])
-
-    shared = [_shared_pool().submit(take_tasks) for _ in range(helpers)]
-    try:
-        take_tasks()
-    finally:
-        started = [future for future in shared if not future.cancel()]
-        wait(started)
-    for future in started:
-        future.result()
-    return [results[index] for index in range(len(listed))]
+    return map_in_threads(work, tasks, thread_count())
 
 
 def bands(length: int, count: int) -> list[tuple[int, int]]:
@@ -90,19 +70,3 @@ def bands(length: int, count: int) -> list[tuple[int, int]]:
     count = max(1, min(count, length))
     edges = [length * index // count for index in range(count + 1)]
     return [(first, last) for first, last in pairwise(edges) if last > first]
-
-
-def _shared_pool() -> ThreadPoolExecutor:
-    global _pool
-    if _pool is None:
-        _pool = ThreadPoolExecutor(thread_count(), thread_name_prefix="peakmark")
-    return _pool
-
-
-def _forget_pool() -> None:
-    """A forked child has none of its parent's threads."""
-    global _pool
-    _pool = None
-
-
-os.register_at_fork(after_in_child=_forget_pool)

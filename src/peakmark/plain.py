@@ -10,6 +10,9 @@ import numpy as np
 
 Record = TypeVar("Record")
 
+INLINED = {"is_inlined": True}
+"""Metadata of a dataclass's field that is a record: its plain values stand among the others, not under its name."""
+
 
 def to_plain(value: Any) -> Any:
     """Return dictionaries, lists, numbers, texts and None for dataclasses, arrays and what is made of them.
@@ -29,14 +32,10 @@ def to_plain(value: Any) -> Any:
 
 def plain_fields(record: Any) -> dict[str, Any]:
     """Return the plain values of a dataclass's fields, even if it has a `to_plain`."""
-    return {field.name: to_plain(getattr(record, field.name)) for field in fields(record)}
-
-
-def inlined(record: Any, name: str) -> dict[str, Any]:
-    """Return the plain fields of a dataclass, with the fields of its field `name` instead of that field."""
     plain: dict[str, Any] = {}
-    for field, part in plain_fields(record).items():
-        plain.update(part if field == name else {field: part})
+    for field in fields(record):
+        part = to_plain(getattr(record, field.name))
+        plain.update(part if field.metadata == INLINED else {field.name: part})
     return plain
 
 
@@ -51,7 +50,8 @@ def from_plain(kind: type[Record], plain: Any) -> Record:
 
 def _restored(hint: Any, plain: Any) -> Any:
     if isinstance(hint, type) and is_dataclass(hint):
-        return hint(**{name: _restored(of_field, plain[name]) for name, of_field in _hints(hint).items()})
+        values = {field.name: plain if field.metadata == INLINED else plain[field.name] for field in fields(hint)}
+        return hint(**{name: _restored(_hints(hint)[name], value) for name, value in values.items()})
     origin, parts = get_origin(hint), get_args(hint)
     if NoneType in parts:
         return None if plain is None else _restored(next(part for part in parts if part is not NoneType), plain)

@@ -83,3 +83,31 @@ def test_a_forked_child_gets_its_own_pool() -> None:
     """In a process of its own: the threads of other tests do not survive a fork either."""
     done = subprocess.run([sys.executable, "-c", FORK], env=child_environment(), timeout=60, check=False)
     assert done.returncode == 0
+
+
+OUTLIVES = """
+import os, threading
+os.environ["PEAKSIM_THREADS"] = "2"
+import numpy as np
+import peaksim
+from peakmark import identify, marker, parallel, surf
+
+def work():
+    threading.main_thread().join()
+    barrier = threading.Barrier(2)  # more than one thread still works
+    with parallel.threads(2):
+        parallel.map_parallel(lambda _: barrier.wait(timeout=20), range(2))
+        image = np.pad(marker.surf_marker(side_px=45), 40, constant_values=255)
+        found = len(surf.detect_and_describe(image).xy), len(identify(image, stretch=1.0))
+    frame = peaksim.render(peaksim.Scene(), peaksim.Camera(), np.eye(4), renderer="exact")
+    os.write(1, repr((found[0] > 0, found[1], int(frame.image[0, 0]))).encode())
+
+threading.Thread(target=work).start()
+"""
+
+
+def test_a_thread_that_outlives_the_main_thread_detects_identifies_and_renders() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", OUTLIVES], env=child_environment(), timeout=600, capture_output=True, check=False
+    )
+    assert (done.stdout, done.stderr, done.returncode) == (b"(True, 1, 128)", b"", 0)

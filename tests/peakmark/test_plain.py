@@ -1,14 +1,14 @@
 """Records as plain values: to JSON and back they are equal, arrays, nan, options and nested records included."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from peakmark.plain import from_plain, inlined, to_plain
+from peakmark.plain import INLINED, from_plain, to_plain
 from peakmark.score.statistics import quantiles, rate
 
 
@@ -62,6 +62,17 @@ def test_numbers_of_numpy_become_numbers() -> None:
     assert json.dumps(to_plain((np.float32(1.5), np.int64(2), np.bool_(True)))) == "[1.5, 2, true]"
 
 
-def test_the_fields_of_one_field_take_its_place() -> None:
-    line = Line((), (1, 2.0), None, {"a": 1.0})
-    assert list(inlined(line, "times").items()) == [("points", []), ("ends", [1, 2.0]), ("weights", None), ("a", 1.0)]
+@dataclass(frozen=True)
+class Named:
+    number: int
+    line: Line = field(metadata=INLINED)
+    name: str
+
+
+def test_the_fields_of_an_inlined_field_take_its_place() -> None:
+    named = Named(3, Line((), (1, 2.0), None, {"a": 1.0}), "x")
+    plain = to_plain(named)
+    assert list(plain.items()) == [
+        *(("number", 3), ("points", []), ("ends", [1, 2.0]), ("weights", None), ("times", {"a": 1.0}), ("name", "x"))
+    ]
+    assert from_plain(Named, plain) == named

@@ -2,12 +2,15 @@
 
 import subprocess
 import sys
+import tomllib
 from importlib import import_module
+from importlib.metadata import version
 from types import ModuleType
 
 import pytest
 from peaksim.lazy import lazy_names
 
+from tests.peaksim.corpus.helpers import child_environment
 from tests.places import ROOT, SOURCES
 
 PACKAGES = ("peaksim", "peaksim.corpus", "peakmark")
@@ -40,3 +43,12 @@ def test_importing_a_package_imports_nothing_heavy() -> None:
     code = "import peaksim, peakmark, sys; print({'numpy', 'numba', 'cv2', 'scipy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": SOURCES}, capture_output=True, text=True)
     assert done.stdout == "set()\n", done.stderr
+
+
+def test_the_package_and_its_command_tell_the_version() -> None:
+    written = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert import_module("peakmark").__version__ == version("peakmark") == written
+    done = subprocess.run(
+        [sys.executable, "-m", "peakmark.cli", "--version"], env=child_environment(), capture_output=True, check=False
+    )
+    assert (done.stdout.decode(), done.stderr, done.returncode) == (f"peakmark {written}\n", b"", 0)

@@ -58,6 +58,8 @@ LENSES = {
     "brown5": Camera(distortion=(-0.28, 0.09, 0.001, -0.002, -0.01)),
     "pincushion": Camera(distortion=(0.15, 0.05, -0.001, 0.001, 0.0)),
     "rational8": Camera(distortion=(0.1, -0.05, 0.001, 0.0005, 0.02, 0.35, -0.02, 0.01)),
+    "prism12": Camera(distortion=(-0.2, 0.05, 0.001, -0.002, 0.0, 0.0, 0.0, 0.0, 0.01, -0.004, -0.006, 0.003)),
+    "tilted14": Camera(distortion=(*(-0.2, 0.05, 0.001, -0.002, 0.01, 0.1, 0.0, 0.0), *4 * (0.005,), 0.06, -0.09)),
     "fisheye": Camera(fx=330.0, fy=330.0, distortion=(-0.02, 0.004, -0.001, 0.0002), model="fisheye"),
     "wide fisheye": Camera(fx=300.0, fy=300.0, distortion=(0.03, -0.01, 0.002, -0.0003), model="fisheye"),
 }

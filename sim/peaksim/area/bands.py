@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +17,9 @@ from peaksim.area.piece import add_pieces
 from peaksim.area.polygon import MAX_VERTICES
 from peaksim.area.rays import Solids, solids_of
 from peaksim.area.run import CHUNK, fill_owned
+from peaksim.errors import InputError
 from peaksim.scene.scene import Scene
+from peaksim.threads import map_in_threads
 
 BAND_ROWS = 16
 """Rows a thread takes at a time; fixed, so that bytes do not depend on the number of threads."""
@@ -124,14 +125,18 @@ def _lighting(packed: PackedScene, views: FaceViews) -> tuple[NDArray[Any], ...]
 
 def run_in_threads(work: Callable[[int], None], items: range) -> None:
     """Do the work for all items, in as many threads as the process may use processors."""
-    if (count := thread_count()) == 1:
-        for item in items:
-            work(item)
-        return
-    with ThreadPoolExecutor(count) as pool:
-        list(pool.map(work, items))
+    map_in_threads(work, items, thread_count())
 
 
 def thread_count() -> int:
-    """Return how many threads render: PEAKSIM_THREADS, else the processors this process may use."""
-    return max(1, int(os.environ.get("PEAKSIM_THREADS", 0)) or len(os.sched_getaffinity(0)))
+    """Return how many threads render: PEAKSIM_THREADS, else the processors this process may use.
+
+    Raises
+    ------
+    InputError
+        If PEAKSIM_THREADS is not a whole number; 0 is as if it were not set.
+    """
+    wanted = os.environ.get("PEAKSIM_THREADS") or "0"
+    if not wanted.isdecimal():
+        raise InputError(f"PEAKSIM_THREADS: expected a whole number of threads, got {wanted!r}")
+    return int(wanted) or len(os.sched_getaffinity(0))

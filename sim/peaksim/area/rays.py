@@ -163,6 +163,36 @@ def meets_any(boxes, links, faces, origin, ray, radius, farthest, stack):
 
 
 @kernel
+def list_faces_in(boxes, links, ids, planes, found):
+    """List the scene faces whose boxes reach into a convex region; return how many.
+
+    `planes` (m, 4) are its borders: normal and offset, n·p + d ≥ 0 inside.
+    """
+    stack = np.empty(STACK, np.int64)
+    stack[0] = 0
+    top, count = min(1, ids.size), 0
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        outside = False
+        for plane in range(planes.shape[0]):
+            most = planes[plane, 3]
+            for k in range(3):
+                most += planes[plane, k] * boxes[node, k + 3 if planes[plane, k] > 0.0 else k]
+            outside = outside or most < 0.0
+        if outside:
+            continue
+        first = links[node, 0]
+        if links[node, 1] == 0:
+            stack[top], stack[top + 1] = first, first + 1
+            top += 2
+        for face in range(first, first + links[node, 1]):
+            found[count] = ids[face]
+            count += 1
+    return count
+
+
+@kernel
 def nearest_faces(boxes, links, faces, ids, origins, rays, found, parameters):
     """Write the first scene face of each of (n, 3) rays, −1 for none, and the ray parameters, inf for none.
 

@@ -1,12 +1,13 @@
 """Cameras: the one projection that images and truth share.
 
 Pixel centres are at integers: the image covers [−0.5, W − 0.5] × [−0.5, H − 0.5].
-Distortion is OpenCV's: "brown" with (k1, k2, p1, p2[, k3[, k4, k5, k6]]), "fisheye" with (k1, k2, k3, k4).
+Distortion is OpenCV's: "brown" with (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, τx, τy]]]]), "fisheye" with
+(k1, k2, k3, k4).
 """
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +20,9 @@ Points = NDArray[np.float64]
 MAX_PIXELS = 64_000_000
 """Pictures larger than this are refused: 64 megapixels."""
 
-_COEFFICIENTS = {"brown": (0, 4, 5, 8), "fisheye": (0, 4)}
+_COEFFICIENTS = {"brown": (0, 4, 5, 8, 12, 14), "fisheye": (0, 4)}
+_DERIVED = cast(float, None)
+"""Default of numbers that follow from others."""
 _NEWTON_STEPS = 50
 _CONVERGED = 1e-12
 """Steps of Newton's method end when the last one is below this, in tan of the angle; 5·10⁻¹⁰ px at f = 500 px."""
@@ -35,14 +38,14 @@ class Camera:
     """Pixels."""
     fx: float = 500.0
     """Focal length along x, px."""
-    fy: float = 500.0
-    """Focal length along y, px."""
-    cx: float = 319.5
-    """Principal point, px."""
-    cy: float = 239.5
-    """Principal point, px."""
+    fy: float = _DERIVED
+    """Focal length along y, px; `fx` if it is not given."""
+    cx: float = _DERIVED
+    """Principal point, px; the image's middle, (width − 1)/2, if it is not given."""
+    cy: float = _DERIVED
+    """Principal point, px; the image's middle, (height − 1)/2, if it is not given."""
     distortion: tuple[float, ...] = ()
-    """OpenCV's vector: brown takes 0, 4, 5 or 8 coefficients, fisheye 0 or 4."""
+    """OpenCV's vector, in any shape that it returns: brown takes 0, 4, 5, 8, 12 or 14 coefficients, fisheye 0 or 4."""
     model: Literal["brown", "fisheye"] = "brown"
     """Lens model; without coefficients brown is the pinhole and fisheye the equidistant lens."""
     row_time_s: float = 0.0
@@ -54,8 +57,12 @@ class Camera:
 
     def __post_init__(self) -> None:
         _check_size(self.width, self.height)
+        derived = {"fy": self.fx, "cx": (self.width - 1) / 2, "cy": (self.height - 1) / 2}
+        for name in ("fx", "fy", "cx", "cy", "row_time_s", "exposure_s"):
+            given = getattr(self, name)
+            object.__setattr__(self, name, _number(derived[name] if given is None and name in derived else given, name))
+        object.__setattr__(self, "distortion", _coefficients(self.distortion))
         _check_numbers(self)
-        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
         if self.model not in _COEFFICIENTS:
             raise SceneError(f'camera: model: expected "brown" or "fisheye", got {self.model!r}')
         if len(self.distortion) not in _COEFFICIENTS[self.model]:
@@ -63,7 +70,7 @@ class Camera:
                 f"camera: distortion: expected one of {_COEFFICIENTS[self.model]} coefficients "
                 f"for {self.model}, got {len(self.distortion)}"
             )
-        if self.distortion and not np.isfinite(self.unproject(_border(self))).all():
+        if self.distortion and not np.isfinite(self.unproject(self.border())).all():
             raise SceneError(
                 f"camera: distortion: expected a lens that can be inverted over the whole image, "
                 f"got {self.distortion}, which folds it"
@@ -112,6 +119,13 @@ class Camera:
         """Return the (H, W, 2) px of all pixel centres."""
         return np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), axis=2).astype(np.float64)
 
+    def border(self) -> Points:
+        """Return 260 points (n, 2) px along the image's border, 65 a side, where a distortion folds first."""
+        x = np.linspace(-0.5, self.width - 0.5, 65)
+        y = np.linspace(-0.5, self.height - 0.5, 65)
+        sides = [np.stack([x, np.full(65, end)], axis=1) for end in y[[0, -1]]]
+        return np.concatenate([*sides, *(np.stack([np.full(65, end), y], axis=1) for end in x[[0, -1]])])
+
 
 def from_sensor(
     width: int, height: int, focal_mm: float, sensor_width_mm: float, *, distortion: tuple[float, ...] = ()
@@ -148,36 +162,49 @@ def _check_size(width: int, height: int) -> None:
         raise SceneError(f"camera: expected at most {MAX_PIXELS} pixels, got {width}×{height}")
 
 
+def _number(value: ArrayLike, name: str) -> float:
+    """Return a finite number, also one in an array of a single element."""
+    try:
+        number = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        number = np.empty(0)
+    if number.size != 1 or not np.isfinite(number).all():
+        raise SceneError(f"camera: {name}: expected a finite number, got {value!r}")
+    return float(number.item())
+
+
+def _coefficients(distortion: ArrayLike | None) -> tuple[float, ...]:
+    """Return OpenCV's vector (n,), (1, n) or (n, 1) as plain numbers; None is none."""
+    try:
+        values = np.asarray(() if distortion is None else distortion, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise SceneError(f"camera: distortion: expected numbers, got {distortion!r}") from None
+    if values.ndim != 1 and (values.ndim != 2 or 1 not in values.shape):
+        raise SceneError(f"camera: distortion: expected OpenCV's vector, got an array of shape {values.shape}")
+    if not np.isfinite(values).all():
+        raise SceneError(f"camera: distortion: expected finite numbers, got {tuple(values.ravel().tolist())}")
+    return tuple(values.ravel().tolist())
+
+
 def _check_numbers(camera: Camera) -> None:
-    for name in ("fx", "fy", "cx", "cy", "row_time_s", "exposure_s"):
-        if not np.isfinite(getattr(camera, name)):
-            raise SceneError(f"camera: {name}: expected a finite number, got {getattr(camera, name)}")
     for name in ("fx", "fy"):
         if not getattr(camera, name) > 0:
             raise SceneError(f"camera: {name}: expected a positive focal length in px, got {getattr(camera, name)}")
     for name in ("row_time_s", "exposure_s"):
         if getattr(camera, name) < 0:
             raise SceneError(f"camera: {name}: expected a time ≥ 0 s, got {getattr(camera, name)}")
-    if not np.isfinite(np.asarray(camera.distortion, dtype=np.float64)).all():
-        raise SceneError(f"camera: distortion: expected finite numbers, got {camera.distortion}")
 
 
-def _border(camera: Camera) -> Points:
-    """Return points along the image border, where a distortion folds first."""
-    x = np.linspace(-0.5, camera.width - 0.5, 65)
-    y = np.linspace(-0.5, camera.height - 0.5, 65)
-    ends = np.array([[-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5]])
-    sides = [np.stack([x, np.full(65, ends[k, 1])], 1) for k in (0, 1)]
-    return np.concatenate([*sides, *(np.stack([np.full(65, ends[k, 0]), y], 1) for k in (0, 1))])
-
-
-def _brown_terms(distortion: tuple[float, ...]) -> NDArray[np.float64]:
-    return np.pad(np.asarray(distortion, dtype=np.float64), (0, 8 - len(distortion)))
+def _brown_terms(distortion: tuple[float, ...]) -> list[float]:
+    return [*distortion, *(14 - len(distortion)) * (0.0,)]
 
 
 def _distort_brown(flat: Points, distortion: tuple[float, ...]) -> tuple[Points, NDArray[np.float64]]:
-    """Return distorted (n, 2) normalised coordinates and their (n, 2, 2) derivative (OpenCV, calib3d)."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = _brown_terms(distortion)
+    """Return distorted (n, 2) normalised coordinates and their (n, 2, 2) derivative, without the sensor's tilt.
+
+    OpenCV, calib3d.
+    """
+    k1, k2, p1, p2, k3, k4, k5, k6, *prism, _, _ = _brown_terms(distortion)
     x, y = flat[:, 0], flat[:, 1]
     r2 = x * x + y * y
     top, bottom = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
@@ -191,13 +218,37 @@ def _distort_brown(flat: Points, distortion: tuple[float, ...]) -> tuple[Points,
     derivative[:, 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
     derivative[:, 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
     derivative[:, 0, 1] = derivative[:, 1, 0] = cross
+    if any(prism):
+        linear, square = np.array(prism).reshape(2, 2).T
+        distorted += r2[:, None] * (linear + r2[:, None] * square)
+        derivative += 2 * (linear + 2 * r2[:, None] * square)[:, :, None] * flat[:, None, :]
     return distorted, derivative
+
+
+@lru_cache(maxsize=64)
+def _sensor_tilt(distortion: tuple[float, ...]) -> NDArray[np.float64] | None:
+    """Return the (3, 3) homography from the plane across the optical axis to the tilted sensor; None without tilt."""
+    tilt_x, tilt_y = _brown_terms(distortion)[12:]
+    if not (tilt_x or tilt_y):
+        return None
+    (cx, cy), (sx, sy) = np.cos([tilt_x, tilt_y]), np.sin([tilt_x, tilt_y])
+    about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
+    about_y = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])
+    rotation = about_y @ about_x
+    onto_sensor = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
+    return np.asarray(onto_sensor @ rotation)
+
+
+def _map_by(homography: NDArray[np.float64], flat: Points) -> Points:
+    """Return (n, 2) points mapped by a (3, 3) homography; nan on and beyond its horizon."""
+    mapped = flat @ homography[:, :2].T + homography[:, 2]
+    return np.asarray(mapped[:, :2] / np.where(mapped[:, 2:] > 0, mapped[:, 2:], np.nan))
 
 
 @lru_cache(maxsize=64)
 def _fold_radius(distortion: tuple[float, ...]) -> float:
     """Return the radius (tan of the angle) at which the radial part of a brown lens folds back; inf if never."""
-    k1, k2, _, _, k3, k4, k5, k6 = _brown_terms(distortion)
+    k1, k2, _, _, k3, k4, k5, k6 = _brown_terms(distortion)[:8]
     top, bottom = np.polynomial.Polynomial([1, k1, k2, k3]), np.polynomial.Polynomial([1, k4, k5, k6])
     r2 = np.polynomial.Polynomial([0, 1])
     # d/dr of r·top/bottom, in r²; and the poles of the quotient
@@ -214,14 +265,24 @@ def _project_brown(points: Points, distortion: tuple[float, ...]) -> Points:
         if not any(distortion):
             return flat
         flat[~(np.hypot(flat[:, 0], flat[:, 1]) < _fold_radius(distortion))] = np.nan
-        return _distort_brown(flat, distortion)[0]
+        distorted, derivative = _distort_brown(flat, distortion)
+        distorted[~_keeps_sides(derivative)] = np.nan
+        tilt = _sensor_tilt(distortion)
+        return distorted if tilt is None else _map_by(tilt, distorted)
+
+
+def _keeps_sides(derivative: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (n,) whether a lens maps around points without a fold, which tangential terms and prisms can make."""
+    determinant = derivative[:, 0, 0] * derivative[:, 1, 1] - derivative[:, 0, 1] * derivative[:, 1, 0]
+    return np.asarray((determinant > 0) & (derivative[:, 0, 0] + derivative[:, 1, 1] > 0))
 
 
 def _undistort_brown(distorted: Points, distortion: tuple[float, ...]) -> Points:
     """Invert the distortion by Newton's method from the image centre outwards; nan where it has no inverse."""
-    flat = distorted.copy()
-    limit = _fold_radius(distortion)
+    limit, tilt = _fold_radius(distortion), _sensor_tilt(distortion)
     with np.errstate(all="ignore"):
+        distorted = distorted if tilt is None else _map_by(np.asarray(np.linalg.inv(tilt)), distorted)
+        flat = distorted.copy()
         far = np.hypot(flat[:, 0], flat[:, 1]) >= limit
         flat[far] *= (0.9 * limit / np.hypot(flat[far, 0], flat[far, 1]))[:, None]
         for _ in range(_NEWTON_STEPS):
@@ -231,7 +292,7 @@ def _undistort_brown(distorted: Points, distortion: tuple[float, ...]) -> Points
             if not (np.abs(step) > _CONVERGED).any():
                 break
         value, derivative = _distort_brown(flat, distortion)
-        wrong = ~(np.abs(value - distorted).max(axis=1, initial=0) < 1e-9) | ~(np.linalg.det(derivative) > 0)
+        wrong = ~(np.abs(value - distorted).max(axis=1, initial=0) < 1e-9) | ~_keeps_sides(derivative)
         flat[wrong | ~(np.hypot(flat[:, 0], flat[:, 1]) < limit)] = np.nan
     return flat
 

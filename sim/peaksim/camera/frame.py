@@ -51,14 +51,16 @@ class MarkerTruth:
     corners_xy: NDArray[np.float64]
     """(4, 2) projections of the pattern's corners without border, top-left first and clockwise, px."""
     side_px: float
-    """Square root of the area of the projected pattern, px."""
+    """Square root of the area of the projected pattern, px; of its part inside the image where the pattern reaches
+    behind the camera or beyond what the lens shows; nan where nothing of it is shown."""
     distance_m: float
     """Distance of the marker's centre from the camera centre, metres."""
     tilt_deg: float
     """Angle between the marker's normal and the ray to the camera, degrees: 0 is head-on, > 90 from behind."""
     visible_fraction: float
-    """Share of the pattern's image area that is inside the image and not occluded, 0…1; 0 from behind. Where the
-    camera moves: at mid-exposure, as all fields above."""
+    """Share of the pattern's image area that is inside the image and not occluded, 0…1; 0 from behind. Of its printed
+    area where it reaches behind the camera (but for a fisheye), for its image has no bounds then. Where the camera
+    moves: at mid-exposure, as all fields above."""
     affinity: NDArray[np.float64] = field(default_factory=lambda: _unknown(2, 2))
     """(2, 2) px per side at the centre; columns are the pattern's x (right) and y (down) axes."""
     ellipse: Ellipse = field(default_factory=lambda: Ellipse(_unknown(2), (np.nan, np.nan), np.nan))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose
+from peaksim.geometry.pose import Pose, rigid
 from peaksim.geometry.trajectory import Trajectory
 
 _STEPS = 100
@@ -101,6 +101,6 @@ class PosedCamera:
         return tuple(PosedCamera(sharp, self.trajectory, self.time_s + float(step)) for step in steps)
 
 
-def still_camera(camera: Camera, world_from_camera: Pose) -> PosedCamera:
+def still_camera(camera: Camera, world_from_camera: ArrayLike) -> PosedCamera:
     """Return a camera that stands still."""
-    return PosedCamera(camera, Trajectory(np.zeros(1), np.asarray(world_from_camera)[None]))
+    return PosedCamera(camera, Trajectory(np.zeros(1), rigid(world_from_camera, "world_from_camera")[None]))

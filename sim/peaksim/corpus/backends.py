@@ -5,12 +5,14 @@ import; doing a number twice is harmless, so whatever is lost is repeated.
 """
 
 import ctypes
+import logging
 import os
 import signal
 import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import connection, get_context, parent_process
@@ -236,8 +238,8 @@ def _watch(sentinel: int) -> None:
 def on_dask(address: str) -> Backend:
     """Return the backend of a Dask scheduler such as "tcp://host:8786".
 
-    Its run raises InputError if Dask is not installed, the scheduler does not answer within ten seconds, or a worker
-    has more than one thread.
+    Its run raises InputError if Dask is not installed, the scheduler does not answer within ten seconds or is lost
+    midway, or a worker has more than one thread.
     """
 
     def run(work: Work, numbers: Iterable[int]) -> Iterator[Any]:
@@ -257,7 +259,7 @@ def _client(address: str) -> Iterator[Any]:
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"--dask {address}: expected a scheduler, none answers there") from error
-    with client:
+    with _silent("distributed"), client, _lost_in_one_line(address, client):
         for worker, state in client.scheduler_info(n_workers=-1)["workers"].items():
             if state["nthreads"] != 1:
                 raise InputError(
@@ -265,6 +267,33 @@ def _client(address: str) -> Iterator[Any]:
                     f"{worker} has {state['nthreads']}"
                 )
         yield client
+
+
+@contextmanager
+def _silent(library: str) -> Iterator[None]:
+    """Keep a library from printing tracebacks of its own beside the one line that says what happened."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == library]
+    before = {name: logging.getLogger(name).level for name in [library, *names]}
+    for name in before:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
+
+
+@contextmanager
+def _lost_in_one_line(address: str, client: Any) -> Iterator[None]:
+    """Turn whatever a lost scheduler raises into bad input; tasks that failed by themselves stay what they are."""
+    try:
+        yield
+    except (InputError, RendererError):
+        raise
+    except Exception as error:
+        if client.status == "running" and not isinstance(error, CancelledError):
+            raise
+        raise InputError(f"--dask {address}: the scheduler was lost; the same command resumes") from error
 
 
 def _submit(client: Any, work: Work, numbers: Iterable[int]) -> Iterator[Any]:

@@ -10,9 +10,9 @@ def opencv_yaml(camera: Camera, name: str) -> str:
     """Return the text of a calibration file: sizes, camera_matrix, distortion_coefficients, distortion_model.
 
     The distortion is 1×n, one 0 …×5 for a pinhole; the model is named as ROS does: "plumb_bob" up to 5 coefficients,
-    "rational_polynomial" for 8, "equidistant" for OpenCV's fisheye.
+    "rational_polynomial" for more, "equidistant" for OpenCV's fisheye.
     """
-    brown = "rational_polynomial" if len(camera.distortion) == 8 else "plumb_bob"
+    brown = "rational_polynomial" if len(camera.distortion) > 5 else "plumb_bob"
     empty = 4 if camera.model == "fisheye" else 5
     distortion = np.array([camera.distortion or (0.0,) * empty], dtype=np.float64)
     storage = cv2.FileStorage("calibration.yaml", cv2.FileStorage_WRITE | cv2.FileStorage_MEMORY)

@@ -7,6 +7,7 @@ from peaksim.corpus.draws import Draws, corpus_draws
 from peaksim.corpus.spec import CameraChoice, CorpusSpec
 from peaksim.corpus.spread import Spread
 from peaksim.errors import SceneError
+from peaksim.scene.build import check_focal_length
 
 
 @dataclass(frozen=True)
@@ -28,14 +29,10 @@ def drawn_cameras(spec: CorpusSpec) -> tuple[NamedCamera, ...]:
     """
     draws = corpus_draws(spec.seed)
     return tuple(
-        NamedCamera(_numbered(choice, i), _drawn_camera(choice, draws, _numbered(choice, i)), choice.weight)
+        NamedCamera(name, _drawn_camera(choice, draws, name), choice.weight)
         for choice in spec.cameras
-        for i in range(choice.count)
+        for name in choice.names
     )
-
-
-def _numbered(choice: CameraChoice, i: int) -> str:
-    return choice.name if choice.count == 1 else f"{choice.name}-{i:03d}"
 
 
 def _drawn_camera(choice: CameraChoice, draws: Draws, name: str) -> Camera:
@@ -44,7 +41,7 @@ def _drawn_camera(choice: CameraChoice, draws: Draws, name: str) -> Camera:
 
     fx = value("fx", choice.fx, 0.0)
     try:
-        return Camera(
+        drawn = Camera(
             width=choice.width,
             height=choice.height,
             fx=fx,
@@ -54,5 +51,6 @@ def _drawn_camera(choice: CameraChoice, draws: Draws, name: str) -> Camera:
             distortion=tuple(value(f"distortion{k}", spread, 0.0) for k, spread in enumerate(choice.distortion)),
             model=choice.model,
         )
+        return check_focal_length(drawn)
     except SceneError as error:
         raise SceneError(f"cameras.{name}: {error}") from error

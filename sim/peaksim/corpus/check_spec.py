@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from peaksim.corpus.coco import MOST_MARKERS
-from peaksim.corpus.plan import MOST_ATTEMPTS, plan_frame, read_scene
+from peaksim.corpus.colmap import camera_line
+from peaksim.corpus.plan import MOST_ATTEMPTS, corpus_cameras, plan_frame, read_scene
+from peaksim.corpus.sample import camera_values
 from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
-from peaksim.errors import SceneError
+from peaksim.errors import InputError, SceneError
 from peaksim.scene.build import quad_pose
 from peaksim.scene.file import build_setup
 from peaksim.scene.schema import MarkerTable, RoomTable, SceneTable
@@ -35,6 +37,11 @@ def check_spec(spec: CorpusSpec, folder: Path) -> None:
             _check_scene(spec, table)
         except SceneError as error:
             raise SceneError(f"{choice.file}: {error}") from error
+    for named in corpus_cameras(spec, folder):
+        try:
+            camera_line(camera_values(named.camera))
+        except InputError as error:
+            raise SceneError(f"cameras.{named.name}: {error}") from error
     for sequence in range(min(spec.sequences, _SEQUENCES)):
         plan_frame(spec, folder, sequence * spec.sequence_frames, attempts=MOST_ATTEMPTS // 10)
 

@@ -9,12 +9,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from peaksim.corpus.layout import image_name
-from peaksim.corpus.sample import KEYPOINTS, UNSEEN, Record, to_line
+from peaksim.corpus.sample import KEYPOINTS, UNSEEN, Record, marker_outlines, to_line
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
-from peaksim.geometry.polygon import clip_polygon, polygon_area
+from peaksim.geometry.polygon import polygon_area
 
 MOST_MARKERS = 10_000
 """In one frame; annotation numbers are built on it."""
@@ -37,9 +38,12 @@ def coco_writer(file: Writing, spec: CorpusSpec, kinds: Sequence[str]) -> Iterat
         nonlocal separator
         images.append(_image(spec, record))
         visible = [marker for marker in record["markers"] if marker["visible_fraction"] > 0]
-        for number, marker in enumerate(visible, 1):
-            file.write(separator + _json(_annotation(record, marker, number, categories[marker["kind"]])))
-            separator = b",\n"
+        outlines = marker_outlines(record, visible)
+        for number, (marker, outline) in enumerate(zip(visible, outlines, strict=True), 1):
+            if len(outline):
+                annotation = _annotation(record, marker, outline + 0.5, number, categories[marker["kind"]])
+                file.write(separator + _json(annotation))
+                separator = b",\n"
 
     yield add
     listed = [
@@ -59,15 +63,16 @@ def _image(spec: CorpusSpec, record: Record) -> dict[str, Any]:
     return {"id": record["frame"], "file_name": name, "width": camera["width"], "height": camera["height"]}
 
 
-def _annotation(record: Record, marker: dict[str, Any], number: int, category: int) -> dict[str, Any]:
-    camera, states = record["camera"], marker["points_seen"]
+def _annotation(
+    record: Record, marker: dict[str, Any], outline: NDArray[np.float64], number: int, category: int
+) -> dict[str, Any]:
+    """Return a marker's annotation; its (n, 2) outline is in COCO's own px."""
+    states = marker["points_seen"]
     points = [
         [0.0, 0.0, 0] if state == UNSEEN else [*xy, state]
         for xy, state in zip(marker["points_xy"], states, strict=True)
     ]
-    corners = np.array([xy for xy in marker["points_xy"][1:] if None not in xy], dtype=np.float64).reshape(-1, 2)
-    outline = clip_polygon(corners + 0.5, (0, 0), (camera["width"], camera["height"]))
-    low, high = (outline.min(axis=0), outline.max(axis=0)) if len(outline) else (np.zeros(2), np.zeros(2))
+    low, high = outline.min(axis=0), outline.max(axis=0)
     return {
         "id": record["frame"] * MOST_MARKERS + number,
         "image_id": record["frame"],
@@ -76,7 +81,7 @@ def _annotation(record: Record, marker: dict[str, Any], number: int, category: i
         "num_keypoints": sum(state != UNSEEN for state in states),
         "bbox": [*map(float, low), *map(float, high - low)],
         "area": abs(polygon_area(outline)),
-        "segmentation": [[float(value) for value in outline.ravel()]] if len(outline) >= 3 else [],
+        "segmentation": [[float(value) for value in outline.ravel()]],
         "iscrowd": 0,
         "visible_fraction": marker["visible_fraction"],
         "marker": marker["name"],

@@ -16,6 +16,7 @@ from peaksim.corpus.layout import image_name
 from peaksim.corpus.sample import SEEN, Record
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
+from peaksim.errors import InputError
 from peaksim.geometry.pose import invert
 
 
@@ -60,7 +61,13 @@ def colmap_writer(
 
 
 def camera_line(camera: dict[str, Any]) -> str:
-    """Return COLMAP's model, size and parameters of a camera, without its number."""
+    """Return COLMAP's model, size and parameters of a camera, without its number.
+
+    Raises
+    ------
+    InputError
+        If COLMAP has no model of its lens: one with a thin prism or a tilted sensor.
+    """
     k = list(camera["distortion"])
     model, distortion = ("OPENCV_FISHEYE", k + [0.0] * (4 - len(k))) if camera["model"] == "fisheye" else _brown(k)
     parameters = [camera["fx"], camera["fy"], camera["cx"] + 0.5, camera["cy"] + 0.5, *distortion]
@@ -70,7 +77,12 @@ def camera_line(camera: dict[str, Any]) -> str:
 def _brown(k: list[float]) -> tuple[str, list[float]]:
     if not any(k):
         return "PINHOLE", []
-    return ("OPENCV", k) if len(k) == 4 else ("FULL_OPENCV", k + [0.0] * (8 - len(k)))
+    if any(k[8:]):
+        raise InputError(
+            f"distortion: expected zeros after the first eight coefficients, for COLMAP has no model with a thin prism "
+            f"or a tilted sensor, got {k[8:]}"
+        )
+    return ("OPENCV", k) if len(k) == 4 else ("FULL_OPENCV", (k + [0.0] * 8)[:8])
 
 
 def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, first_point: int) -> str:

@@ -3,20 +3,21 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from peaksim import shipped
+from pydantic import TypeAdapter, ValidationError
+
+from peaksim.corpus.inputs import hash_file, input_files
 from peaksim.corpus.layout import CONFIGURATION, FORMAT
 from peaksim.corpus.plan import read_scene
-from peaksim.corpus.spec import CorpusSpec, FlightView, spec_from_json, spec_to_json
+from peaksim.corpus.spec import CorpusSpec, spec_to_json
 from peaksim.corpus.store.base import Store
 from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
-from peaksim.scene.file import find_scene
-from peaksim.scene.schema import EnvironmentTable
+
+_LARGEST_FILE = 1 << 26  # bytes of corpus.json; a specification has at most a million
 
 _TRACING = ("mitsuba", "drjit")
 _PACKAGES = (
@@ -46,7 +47,7 @@ class Configuration:
     kinds: tuple[str, ...]
     """Every kind of marker that can come, sorted."""
     inputs: dict[str, str]
-    """Scene, texture, marker and trajectory files by the name that the specification or scene gives them → SHA-256."""
+    """Scene, texture, marker and trajectory files, named from the specification's folder or as shipped → SHA-256."""
     versions: dict[str, str]
     """Package → version."""
 
@@ -61,7 +62,10 @@ class Configuration:
             "inputs": self.inputs,
             "versions": self.versions,
         }
-        return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
+        return to_json(values)
+
+
+_FILE = TypeAdapter(Configuration)
 
 
 def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_renderer: str | None) -> Configuration:
@@ -69,27 +73,8 @@ def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_rendere
     scenes = [read_scene(choice.file, folder) for choice in spec.scenes]
     single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
     kinds = tuple(sorted(single.union(*(poster_kinds(table) for table, _ in scenes))))
-    files = dict(sorted(_input_files(spec, folder, kinds)))
-    inputs = {name: sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
+    inputs = {name: hash_file(file) for name, file in input_files(spec, folder, kinds).items()}
     return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions(renderer))
-
-
-def _input_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
-    for choice in spec.scenes:
-        file = folder / choice.file
-        yield choice.file, file if file.is_file() else find_scene(choice.file)
-        table, scene_folder = read_scene(choice.file, folder)
-        skies = [light.file for light in table.lights if isinstance(light, EnvironmentTable)]
-        for names in (*([t.file, *t.variants.values()] for t in table.textures.values()), skies):
-            for name in names:
-                if name is not None:
-                    beside = scene_folder / name
-                    yield name, beside if beside.is_file() else shipped.ASSETS / name
-    for kind in kinds:
-        yield f"markers/{kind}.png", shipped.ASSETS / "markers" / f"{kind}.png"
-    for view in spec.views:
-        if isinstance(view, FlightView) and view.file is not None:
-            yield view.file, folder / view.file
 
 
 def versions(renderer: str) -> dict[str, str]:
@@ -111,24 +96,39 @@ def read_configuration(store: Store) -> Configuration:
     InputError
         If there is none, or it is of another format.
     """
+    content, where = store.read(CONFIGURATION, _LARGEST_FILE), f"{store.url}: {CONFIGURATION}"
     try:
-        values = json.loads(store.read(CONFIGURATION))
-        if values["format"] != FORMAT:
-            raise InputError(f"{store.url}: {CONFIGURATION}: expected format {FORMAT!r}, got {values['format']!r}")
-        spec = spec_from_json(json.dumps(values["spec"]))
-        return Configuration(
-            spec,
-            values["renderer"],
-            values["gl_renderer"],
-            tuple(values["kinds"]),
-            values["inputs"],
-            values["versions"],
-        )
-    except (ValueError, KeyError, TypeError) as error:
+        if (format := json.loads(content)["format"]) != FORMAT:
+            raise InputError(f"{where}: expected format {FORMAT!r}, got {format!r:.60}")
+        return _FILE.validate_json(content)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        field = ".".join(map(str, fault["loc"]))
+        raise InputError(f"{where}: expected the configuration of a corpus: {field!r:.80}: {fault['msg']}") from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
-        where = f"{store.url}: {CONFIGURATION}"
         raise InputError(f"{where}: expected the configuration of a corpus: {error!r:.80}") from error
+
+
+def manifest_values(configuration: Configuration, hashes: dict[str, str]) -> dict[str, Any]:
+    """Return what the manifest states: everything but the hashes is as in the configuration."""
+    spec = configuration.spec
+    return {
+        "format": FORMAT,
+        "name": spec.name,
+        "frames": spec.frames,
+        "seed": spec.seed,
+        "renderer": configuration.renderer,
+        "gl_renderer": configuration.gl_renderer,
+        "versions": configuration.versions,
+        "sha256": hashes,
+    }
+
+
+def to_json(values: dict[str, Any]) -> bytes:
+    """Return the content of corpus.json or of the manifest."""
+    return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def claim_store(store: Store, configuration: Configuration) -> None:

@@ -59,6 +59,18 @@ def shard_sums_name(shard: int) -> str:
     return f"sums/shard-{shard_key(shard)}.sha256"
 
 
+TABLES = (
+    "frames.parquet",
+    "markers.parquet",
+    "coco_keypoints.json",
+    "poses_tum.txt",
+    "colmap/cameras.txt",
+    "colmap/images.txt",
+    "colmap/points3D.txt",
+)
+"""The files of a part."""
+
+
 def part_name(part: int, name: str) -> str:
     """Return the name of one of a part's tables."""
     return f"tables/{part:06d}/{name}"
@@ -72,6 +84,11 @@ def part_sums_name(part: int) -> str:
 def camera_name(camera: str) -> str:
     """Return the name of a camera's OpenCV calibration."""
     return f"cameras/{camera}.yaml"
+
+
+def camera_names(spec: CorpusSpec) -> tuple[str, ...]:
+    """Return the names of a corpus's cameras: those of `[[cameras]]`, or else each scene's own."""
+    return spec.camera_names or tuple(f"scene-{i:03d}" for i in range(len(spec.scenes)))
 
 
 # --- which frames are where -----------------------------------------------------------------------------------
@@ -97,3 +114,36 @@ def part_shards(spec: CorpusSpec, part: int) -> range:
     """Return the numbers of a part's shards."""
     size = spec.store.part_frames // spec.store.shard_frames
     return range(part * size, min((part + 1) * size, shard_count(spec)))
+
+
+# --- which files are listed where -------------------------------------------------------------------------------
+
+
+def shard_files(spec: CorpusSpec, shard: int) -> list[str]:
+    """Return the names of a shard's files, which its sums list."""
+    frames = shard_frames(spec, shard) if spec.store.files else ()
+    loose = [name for index in frames for name in (image_name(spec, index), record_name(spec, index))]
+    return [*([shard_name(shard)] if spec.store.shards else []), records_name(shard), *loose]
+
+
+def part_files(spec: CorpusSpec, part: int) -> list[str]:
+    """Return the names of a part's tables and of its shards' sums, which its sums list."""
+    return [*(part_name(part, name) for name in TABLES), *map(shard_sums_name, part_shards(spec, part))]
+
+
+def manifest_files(spec: CorpusSpec) -> list[str]:
+    """Return the names of the files that the manifest lists."""
+    cameras = [camera_name(name) for name in camera_names(spec)]
+    return [CONFIGURATION, *cameras, *map(part_sums_name, range(part_count(spec)))]
+
+
+def listed_in(spec: CorpusSpec, name: str) -> list[str]:
+    """Return the names that the manifest or a list of check sums must have; none if there is no such list."""
+    if name == MANIFEST:
+        return manifest_files(spec)
+    found = re.fullmatch(r"sums/(shard|part)-([0-9]{6,8})\.sha256", name)
+    if found is None:
+        return []
+    files, count = {"shard": (shard_files, shard_count), "part": (part_files, part_count)}[found[1]]
+    number = int(found[2])
+    return files(spec, number) if number < count(spec) else []

@@ -1,24 +1,22 @@
 """make_corpus: claim the destination, render what is missing, make the tables, write the manifest."""
 
-import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from peaksim.camera.camera import resized
 from peaksim.corpus import layout
 from peaksim.corpus.backends import Backend, in_process
 from peaksim.corpus.calibration import opencv_yaml
 from peaksim.corpus.check_spec import check_spec
-from peaksim.corpus.configuration import Configuration, claim_store, make_configuration
+from peaksim.corpus.configuration import Configuration, claim_store, make_configuration, manifest_values, to_json
 from peaksim.corpus.plan import corpus_cameras, plan_frame
 from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
 from peaksim.corpus.store.base import Store, write_file
 from peaksim.corpus.store.opening import open_store
-from peaksim.corpus.write import Job, write_part, write_shard
+from peaksim.corpus.write import Job, Written, open_job, write_part, write_shard
 from peaksim.rendering import render
 
 _PROBE_PX = 16  # width of the image that tells which renderer is available
@@ -32,6 +30,8 @@ class Made:
     """In the corpus."""
     rendered: int
     """By this run; the others existed."""
+    damaged: tuple[str, ...]
+    """What was wrong with finished files of earlier runs, and was made again; one line a file."""
     configuration: Configuration
     """As corpus.json has it."""
 
@@ -72,13 +72,14 @@ def make_corpus(
         configuration = make_configuration(spec, folder, *_probe(spec, folder, backend))
         claim_store(store, configuration)
         job = Job(dest, str(folder), sha256(store.read(layout.CONFIGURATION)).hexdigest())
-        rendered = 0
+        written: list[Written] = []
         if not store.exists(layout.MANIFEST):
-            rendered = _write_shards(store, job, spec, backend, on_frames)
-            for _ in backend.run(partial(write_part, job), range(layout.part_count(spec))):
-                pass
+            written += _write_shards(store, job, spec, backend, on_frames)
+            written += backend.run(partial(write_part, job), range(layout.part_count(spec)))
+            open_job(job).inputs.require_same()
             _finish(store, configuration, folder)
-    return Made(spec.frames, rendered, configuration)
+    damaged = tuple(line for one in written for line in one.damaged)
+    return Made(spec.frames, sum(one.rendered for one in written), damaged, configuration)
 
 
 def _probe(spec: CorpusSpec, folder: Path, backend: Backend) -> tuple[str, str | None]:
@@ -98,35 +99,24 @@ def probe_renderer(spec_json: str, folder: str, frame: int) -> tuple[str, str | 
     return drawn.renderer, drawn.gl_renderer
 
 
-def _write_shards(store: Store, job: Job, spec: CorpusSpec, backend: Backend, on_frames: Callable[[int], None]) -> int:
-    """Write the shards that are missing; return how many frames were rendered."""
-    done = set(store.names("sums/"))
+def _write_shards(
+    store: Store, job: Job, spec: CorpusSpec, backend: Backend, on_frames: Callable[[int], None]
+) -> Iterator[Written]:
+    """Compare the finished shards with their sums, and write those that are missing or damaged."""
+    done = {name for name in store.names("sums/") if name.startswith("sums/shard-")}
     shards = range(layout.shard_count(spec))
-    missing = [shard for shard in shards if layout.shard_sums_name(shard) not in done]
-    on_frames(spec.frames - sum(len(layout.shard_frames(spec, shard)) for shard in missing))
-    rendered = 0
-    for shard, new in backend.run(partial(write_shard, job), missing):
-        rendered += new
-        on_frames(len(layout.shard_frames(spec, shard)))
-    return rendered
+    finished = [shard for shard in shards if layout.shard_sums_name(shard) in done]
+    missing = set(shards).difference(finished)
+    on_frames(sum(len(layout.shard_frames(spec, shard)) for shard in finished))
+    for written in backend.run(partial(write_shard, job), [*finished, *sorted(missing)]):
+        if written.number in missing:
+            on_frames(len(layout.shard_frames(spec, written.number)))
+        yield written
 
 
 def _finish(store: Store, configuration: Configuration, folder: Path) -> None:
     """Write calibrations and the manifest, which says that the corpus is complete."""
-    spec = configuration.spec
-    names = [layout.CONFIGURATION]
-    for camera in corpus_cameras(spec, folder):
-        names.append(layout.camera_name(camera.name))
-        write_file(store, names[-1], opencv_yaml(camera.camera, camera.name).encode())
-    names += [layout.part_sums_name(part) for part in range(layout.part_count(spec))]
-    manifest: dict[str, Any] = {
-        "format": layout.FORMAT,
-        "name": spec.name,
-        "frames": spec.frames,
-        "seed": spec.seed,
-        "renderer": configuration.renderer,
-        "gl_renderer": configuration.gl_renderer,
-        "versions": configuration.versions,
-        "sha256": {name: sha256(store.read(name)).hexdigest() for name in names},
-    }
-    write_file(store, layout.MANIFEST, (json.dumps(manifest, indent=2, ensure_ascii=False) + "\n").encode())
+    for camera in corpus_cameras(configuration.spec, folder):
+        write_file(store, layout.camera_name(camera.name), opencv_yaml(camera.camera, camera.name).encode())
+    hashes = {name: store.sha256(name) for name in layout.manifest_files(configuration.spec)}
+    write_file(store, layout.MANIFEST, to_json(manifest_values(configuration, hashes)))

@@ -8,22 +8,12 @@ import numpy as np
 from peaksim.corpus.coco import coco_writer
 from peaksim.corpus.colmap import colmap_writer
 from peaksim.corpus.configuration import Configuration
+from peaksim.corpus.layout import TABLES
 from peaksim.corpus.sample import Record
 from peaksim.corpus.store.base import Writing
 from peaksim.corpus.tables import FRAME_COLUMNS, MARKER_COLUMNS, frame_row, marker_rows, parquet_writer
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import to_text
-
-NAMES = (
-    "frames.parquet",
-    "markers.parquet",
-    "coco_keypoints.json",
-    "poses_tum.txt",
-    "colmap/cameras.txt",
-    "colmap/images.txt",
-    "colmap/points3D.txt",
-)
-"""The files of a part."""
 
 
 @contextmanager
@@ -33,7 +23,7 @@ def part_tables(
     """Yield a function that adds a frame to all tables; `create` opens each by its name."""
     spec = configuration.spec
     with ExitStack() as stack:
-        files = {name: stack.enter_context(create(name)) for name in NAMES}
+        files = {name: stack.enter_context(create(name)) for name in TABLES}
         add_frame = stack.enter_context(parquet_writer(files["frames.parquet"], FRAME_COLUMNS))
         add_marker = stack.enter_context(parquet_writer(files["markers.parquet"], MARKER_COLUMNS))
         add_to_coco = stack.enter_context(coco_writer(files["coco_keypoints.json"], spec, configuration.kinds))

@@ -12,6 +12,7 @@ import numpy as np
 
 from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor
+from peaksim.corpus import layout
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
 from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, sensor_value
@@ -22,9 +23,10 @@ from peaksim.geometry.pose import Pose
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
 from peaksim.scene.build import build_camera
-from peaksim.scene.file import Setup, build_setup, read_table
+from peaksim.scene.file import Setup, build_setup, find_scene_beside, read_table
 from peaksim.scene.scene import Light, Scene
 from peaksim.scene.schema import RoomTable, SceneTable
+from peaksim.shipped import path_inside
 from peaksim.traced import SAMPLES
 
 MOST_ATTEMPTS = 1000
@@ -187,8 +189,7 @@ def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
 
 def read_scene(file: str, folder: Path) -> tuple[SceneTable, Path]:
     """Return the tables of a scene: a file beside the specification, or the name of one that ships."""
-    beside = folder / file
-    return read_table(beside if beside.is_file() else file)
+    return read_table(find_scene_beside(folder, file, "scenes.file"))
 
 
 def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
@@ -196,7 +197,8 @@ def corpus_cameras(spec: CorpusSpec, folder: Path) -> tuple[NamedCamera, ...]:
     if spec.cameras:
         return drawn_cameras(spec)
     tables = (read_scene(choice.file, folder)[0] for choice in spec.scenes)
-    return tuple(NamedCamera(f"scene-{i:03d}", build_camera(table.camera), 1.0) for i, table in enumerate(tables))
+    names = layout.camera_names(spec)
+    return tuple(NamedCamera(name, build_camera(table.camera), 1.0) for name, table in zip(names, tables, strict=True))
 
 
 def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCamera:
@@ -206,5 +208,5 @@ def _camera(spec: CorpusSpec, folder: Path, draws: Draws, scene: int) -> NamedCa
 
 def _trajectory(view: AnyView, setup: Setup, folder: Path) -> Trajectory:
     if isinstance(view, FlightView) and view.file is not None:
-        return load_trajectory(folder / view.file)
+        return load_trajectory(path_inside(folder, view.file, "views.file"))
     return setup.trajectory

@@ -69,7 +69,7 @@ class Corpus:
 
 @lru_cache(maxsize=1)
 def _shard(url: str, name: str) -> dict[str, bytes]:
-    return read_members(open_store(url).read(name))
+    return read_members(open_store(url).read(name), f"{url}: {name}")
 
 
 def open_corpus(dest: str) -> Corpus:

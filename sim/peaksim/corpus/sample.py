@@ -18,10 +18,11 @@ from peaksim.corpus.plan import FramePlan
 from peaksim.corpus.spec import PictureTable
 from peaksim.errors import InputError, RendererError
 from peaksim.geometry.pose import Pose, invert, transform
-from peaksim.image_file import read_image
+from peaksim.image_file import read_image_8_bits
 from peaksim.rendering import Renderer, render
 from peaksim.scene.lamps import plain_values
 from peaksim.scene.scene import Scene, rectangle_m
+from peaksim.truth.outline import seen_outline
 
 KEYPOINTS = ("center", "top_left", "top_right", "bottom_right", "bottom_left")
 """The points of a marker, in the order of every table."""
@@ -86,7 +87,7 @@ def decode_image(content: bytes, name: str) -> NDArray[np.uint8]:
     ImageError
         That names the image.
     """
-    return np.asarray(read_image(BytesIO(content), name), dtype=np.uint8)
+    return read_image_8_bits(BytesIO(content), name)
 
 
 def to_line(value: Any) -> bytes:
@@ -104,7 +105,7 @@ def from_line(line: bytes, name: str) -> Record:
     """
     try:
         record = json.loads(line)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{name}: expected one line of JSON, got {line[:40]!r}") from error
     if not isinstance(record, dict):
         raise InputError(f"{name}: expected the record of a frame, got {line[:40]!r}")
@@ -139,6 +140,13 @@ def camera_values(camera: Camera) -> dict[str, Any]:
     """Return a camera as plain values."""
     values = {name: value for name, value in asdict(camera).items() if value is not None}
     return {**values, "distortion": list(camera.distortion)}
+
+
+def marker_outlines(record: Record, markers: list[dict[str, Any]]) -> list[NDArray[np.float64]]:
+    """Return (m, 2) px of what is inside the image of each of a record's markers, hidden or not; (0, 2) if nothing."""
+    camera = Camera(**{name: value for name, value in record["camera"].items() if name != "name"})
+    camera_from_world = invert(np.array(record["world_from_camera"]))
+    return [seen_outline(camera, transform(camera_from_world, m["points_world_m"][1:])) for m in markers]
 
 
 def _marker_values(scene: Scene, camera: Camera, pose: Pose, truth: tuple[MarkerTruth, ...]) -> list[dict[str, Any]]:

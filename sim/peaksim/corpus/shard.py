@@ -7,6 +7,7 @@ from io import BytesIO
 from typing import IO, cast
 
 from peaksim.corpus.store.base import Writing
+from peaksim.errors import InputError
 
 
 class Shard:
@@ -34,7 +35,16 @@ def shard_in(file: Writing) -> Iterator[Shard]:
     shard.close()
 
 
-def read_members(content: bytes) -> dict[str, bytes]:
-    """Return the members of a shard by name, in order."""
-    with tarfile.TarFile(fileobj=BytesIO(content), mode="r") as tar:
-        return {info.name: tar.extractfile(info).read() for info in tar if info.isfile()}  # type: ignore[union-attr]
+def read_members(content: bytes, name: str) -> dict[str, bytes]:
+    """Return the members of a shard by name, in order.
+
+    Raises
+    ------
+    InputError
+        That names the shard, if it is damaged.
+    """
+    try:
+        with tarfile.TarFile(fileobj=BytesIO(content), mode="r") as tar:
+            return {info.name: tar.extractfile(info).read() for info in tar if info.isfile()}  # type: ignore[union-attr]
+    except tarfile.TarError as error:
+        raise InputError(f"{name}: expected a tar file, it is damaged: {error}") from error

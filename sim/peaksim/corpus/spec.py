@@ -3,6 +3,7 @@
 Numbers that vary are spreads (`peaksim.corpus.spread`).
 """
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -74,6 +75,11 @@ class CameraChoice(StrictTable):
     cy: Spread | None = None
     distortion: tuple[Spread, ...] = ()
     model: Literal["brown", "fisheye"] = "brown"
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the cameras that are drawn."""
+        return [self.name] if self.count == 1 else [f"{self.name}-{i:03d}" for i in range(self.count)]
 
 
 class RandomView(StrictTable):
@@ -238,15 +244,20 @@ class CorpusSpec(StrictTable):
             choices = getattr(self, field)
             if choices and not sum(choice.weight for choice in choices) > 0:
                 raise ValueError(f"{field}: expected at least one positive weight, got none")
-        names = [camera.name for camera in self.cameras]
-        if len(set(names)) < len(names):
-            raise ValueError(f"cameras: expected different names, got {', '.join(names)}")
+        twice = [name for name, count in Counter(self.camera_names).items() if count > 1]
+        if twice:
+            raise ValueError(f"cameras: expected different names, got {twice[0]!r} more than once")
         return self
 
     @model_serializer(mode="wrap")
     def _values(self, to_values: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Return the values without samples that nobody stated, so that the hashes of older suites stay."""
         return {name: value for name, value in to_values(self).items() if name != "samples" or value is not None}
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Names of the cameras that are drawn; none if every scene keeps its own."""
+        return tuple(name for choice in self.cameras for name in choice.names)
 
     def __hash__(self) -> int:
         return hash((self.name, self.frames, self.seed))

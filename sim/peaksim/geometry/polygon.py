@@ -1,4 +1,4 @@
-"""Convex polygons in the image plane: signed area, and the part inside a box."""
+"""Convex polygons: signed area in the image, the part inside a box, and the part on one side of a line or plane."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,17 +13,17 @@ def polygon_area(corners_xy: NDArray[np.float64]) -> float:
 def clip_polygon(corners_xy: NDArray[np.float64], low_xy: ArrayLike, high_xy: ArrayLike) -> NDArray[np.float64]:
     """Return the (m, 2) part of a convex polygon inside a box between two corners (Sutherland and Hodgman 1974)."""
     for axis, (low, high) in enumerate(zip(np.asarray(low_xy), np.asarray(high_xy), strict=True)):
-        corners_xy = _cut(corners_xy, corners_xy[:, axis] - low)
-        corners_xy = _cut(corners_xy, high - corners_xy[:, axis])
+        corners_xy = cut_polygon(corners_xy, corners_xy[:, axis] - low)
+        corners_xy = cut_polygon(corners_xy, high - corners_xy[:, axis])
     return corners_xy
 
 
-def _cut(corners_xy: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the part of a polygon where depths, given at its (n, 2) corners and linear between, are not negative."""
+def cut_polygon(corners: NDArray[np.float64], depths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the part of a polygon where depths, given at its (n, k) corners and linear between, are not negative."""
     kept = []
     for a, b in zip(range(-1, len(depths) - 1), range(len(depths)), strict=True):
         if (depths[a] < 0) != (depths[b] < 0):
-            kept.append(corners_xy[a] + depths[a] / (depths[a] - depths[b]) * (corners_xy[b] - corners_xy[a]))
+            kept.append(corners[a] + depths[a] / (depths[a] - depths[b]) * (corners[b] - corners[a]))
         if depths[b] >= 0:
-            kept.append(corners_xy[b])
-    return np.array(kept).reshape(-1, 2)
+            kept.append(corners[b])
+    return np.array(kept).reshape(-1, corners.shape[1])

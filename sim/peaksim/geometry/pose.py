@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from peaksim.errors import SceneError
+from peaksim.errors import SceneError, check_choice
 
 Pose = NDArray[np.float64]
 
@@ -23,18 +23,28 @@ def rigid(pose: ArrayLike, name: str = "pose") -> Pose:
     SceneError
         If it has another shape, is not finite, or is not rotation + translation.
     """
-    matrix = np.asarray(pose, dtype=np.float64)
+    try:
+        matrix = np.asarray(pose, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise SceneError(f"{name}: expected a 4×4 matrix, got {pose!r}") from None
     if matrix.shape != (4, 4):
         raise SceneError(f"{name}: expected a 4×4 matrix, got shape {matrix.shape}")
     if not np.isfinite(matrix).all():
         raise SceneError(f"{name}: expected finite numbers, got nan or inf")
     rotation = matrix[:3, :3]
-    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if error > _RIGID_TOLERANCE or np.linalg.det(rotation) < 0 or not np.array_equal(matrix[3], [0, 0, 0, 1]):
-        raise SceneError(
-            f"{name}: expected a rigid transform (rotation + translation), got one off by {error:.3g} from orthonormal"
-        )
+    if fault := _fault(rotation, matrix[3]):
+        raise SceneError(f"{name}: expected a rigid transform (rotation + translation), got {fault}")
     return matrix
+
+
+def _fault(rotation: NDArray[np.float64], last_row: NDArray[np.float64]) -> str | None:
+    """Return in words what keeps a transform from being rigid, None if it is."""
+    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if error > _RIGID_TOLERANCE:
+        return f"one off by {error:.3g} from orthonormal"
+    if np.linalg.det(rotation) < 0:
+        return "a mirrored one (determinant −1)"
+    return None if np.array_equal(last_row, [0, 0, 0, 1]) else f"a last row of {last_row.tolist()}, not 0 0 0 1"
 
 
 def compose(rotation: ArrayLike, translation_m: ArrayLike) -> Pose:
@@ -46,7 +56,8 @@ def compose(rotation: ArrayLike, translation_m: ArrayLike) -> Pose:
 
 
 def invert(pose: Pose) -> Pose:
-    """Return the inverse of a rigid transform, exactly by its transpose."""
+    """Return the inverse of a rigid transform, exactly by its transpose; `SceneError` if it is none."""
+    pose = rigid(pose)
     rotation_t = pose[:3, :3].T
     return compose(rotation_t, -rotation_t @ pose[:3, 3])
 
@@ -83,6 +94,7 @@ def look_at(eye_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.
 def rotation_about(axis: str, angle_deg: float) -> NDArray[np.float64]:
     """Return the (3, 3) right-handed rotation about the axis "x", "y" or "z"."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    check_choice(axis, "xyz", "axis")
     i = "xyz".index(axis)
     j, k = (i + 1) % 3, (i + 2) % 3
     rotation = np.eye(3)
@@ -92,13 +104,14 @@ def rotation_about(axis: str, angle_deg: float) -> NDArray[np.float64]:
 
 def pose_distance(a: Pose, b: Pose) -> tuple[float, float]:
     """Return how far pose `b` is from pose `a`: the distance of their origins, metres, and their angle, degrees."""
-    b_in_a = invert(a) @ b
+    b_in_a = invert(a) @ rigid(b)
     angle_deg = np.degrees(Rotation.from_matrix(b_in_a[:3, :3]).magnitude())
     return float(np.linalg.norm(b_in_a[:3, 3])), float(angle_deg)
 
 
 def interpolate(start: Pose, end: Pose, fraction: ArrayLike) -> NDArray[np.float64]:
     """Return the (..., 4, 4) poses at fractions (...), 0…1: slerp in rotation, linear in position."""
+    start, end = rigid(start, "start"), rigid(end, "end")
     shares = np.asarray(fraction, dtype=np.float64)[..., None]
     relative = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
     rotations = Rotation.from_rotvec((shares * relative).reshape(-1, 3)).as_matrix().reshape(*shares.shape[:-1], 3, 3)

@@ -3,21 +3,25 @@
 Each row is one pose `world_from_camera`:
 
 * TUM: ``time tx ty tz qx qy qz qw`` (s, m), blanks between;
-* EuRoC: ``time, tx, ty, tz, qw, qx, qy, qz, …`` (ns, m), commas between, further columns ignored;
+* EuRoC: ``time, tx, ty, tz, qw, qx, qy, qz, …`` (whole ns, m), commas between, further columns ignored; the times are
+  read as exact decimals, so 1403636580838555648 and 1.403636580838555648e+18 (numpy.savetxt) are the same;
 * KITTI: the 12 numbers of the first three matrix rows, blanks between; it has no times.
 
 Lines that start with # are comments.
 """
 
 from collections.abc import Callable
+from decimal import Decimal, InvalidOperation
+from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.errors import SceneError
+from peaksim.errors import SceneError, check_choice
 from peaksim.geometry.trajectory import Trajectory, from_quaternions, quaternions_xyzw
+from peaksim.text_file import read_text
 from peaksim.whole_file import write_whole
 
 Format = Literal["tum", "euroc", "kitti"]
@@ -25,6 +29,10 @@ Format = Literal["tum", "euroc", "kitti"]
 KITTI_INTERVAL_S = 0.1
 """Time between the rows of a KITTI file, whose camera takes 10 images a second (Geiger et al. 2013)."""
 
+SHORTEST_STEP_NS = 1000
+"""Steps of EuRoC's times below it, a million images a second, are times in another unit, and refused."""
+
+_LARGEST_STAMP_NS = 2**63
 _LARGEST_FILE = 200_000_000  # bytes
 
 
@@ -37,7 +45,7 @@ def load_trajectory(path: str | Path) -> Trajectory:
         One line that names the file, the line, what was expected and what came.
     """
     file = Path(path)
-    text = _read(file)
+    text = read_text(file, _LARGEST_FILE, SceneError)
     rows = [
         (n, line.strip()) for n, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"
     ]
@@ -56,18 +64,8 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, format: Format = "
 
 def to_text(trajectory: Trajectory, format: Format = "tum") -> str:
     """Return what `save_trajectory` writes."""
+    check_choice(format, get_args(Format), "format")
     return _writers[format](trajectory)
-
-
-def _read(file: Path) -> str:
-    try:
-        if file.stat().st_size > _LARGEST_FILE:
-            raise SceneError(f"{file}: expected a trajectory file of at most {_LARGEST_FILE} bytes")
-        return file.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SceneError(f"{file}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{file}: is not a text file") from error
 
 
 def _format(row: str) -> Format:
@@ -105,9 +103,28 @@ def _parse_tum(rows: list[tuple[int, str]]) -> Trajectory:
 def _parse_euroc(rows: list[tuple[int, str]]) -> Trajectory:
     table = _numbers(rows, ",", 8, exactly=False)
     # nanoseconds since 1970 do not fit a float64's 53 bits, so they are read as integers and counted from the first
-    stamps = np.array([int(row.split(",")[0].split(".")[0]) for _, row in rows], dtype=np.int64)
-    times_s = (stamps - stamps[0]) / 1e9 + (stamps[0] / 1e9 if stamps[0] < 10**15 else 0.0)
+    stamps = [_nanoseconds(number, row.split(",")[0].strip()) for number, row in rows]
+    steps = [after - before for before, after in pairwise(stamps)]
+    if steps and 0 < (step := int(np.median(np.array(steps, dtype=np.float64)))) < SHORTEST_STEP_NS:
+        raise SceneError(
+            f"expected times in nanoseconds, got steps of {step} ns from {stamps[0]} on: multiply seconds by 1e9"
+        )
+    first_s = stamps[0] / 1e9 if stamps[0] < 10**15 else 0.0
+    times_s = np.array([(stamp - stamps[0]) / 1e9 for stamp in stamps]) + first_s
     return from_quaternions(times_s, table[:, 1:4], table[:, [5, 6, 7, 4]])
+
+
+def _nanoseconds(number: int, text: str) -> int:
+    """Return a time stamp, exactly."""
+    try:
+        stamp = Decimal(text)
+    except InvalidOperation as error:
+        raise SceneError(f"line {number}: expected a time in whole nanoseconds, got {text!r:.40}") from error
+    if not (stamp.is_finite() and abs(stamp) < _LARGEST_STAMP_NS):
+        raise SceneError(f"line {number}: expected a time in nanoseconds below 2⁶³, got {text:.40}")
+    if stamp != stamp.to_integral_value():
+        raise SceneError(f"line {number}: expected a time in whole nanoseconds, got {text:.40}; seconds? times 1e9")
+    return int(stamp)
 
 
 def _parse_kitti(rows: list[tuple[int, str]]) -> Trajectory:

@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from peaksim.area.bands import (
     BAND_ROWS,
@@ -83,18 +85,32 @@ def touching_groups(scene: Scene) -> NDArray[np.int64]:
     corners = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
     groups = np.full(len(corners) + sum(len(mesh.faces) for mesh in scene.meshes), -1)
     if len(corners):
-        _, labels = connected_components(np.stack([find_touching(quad, corners) for quad in scene.quads]))
+        pairs = _touching_pairs(scene.quads, corners)
+        links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(corners), len(corners)))
+        _, labels = connected_components(links)
         groups[: len(corners)] = np.where(np.bincount(labels)[labels] > 1, labels, -1)
     return groups
 
 
-def find_touching(quad: Quad, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which of (q, 4, 3) rectangles lie in the plane of a quad, within TOUCH_M, and may share area with it."""
-    local = (corners_m - quad.world_from_quad[:3, 3]) @ quad.world_from_quad[:3, :3]
+def _touching_pairs(quads: tuple[Quad, ...], corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return (p, 2) quads of which the second lies in the plane of the first, within TOUCH_M, and may share its area.
+
+    Quads that touch are no farther apart than twice the larger one's radius, and a tree finds those.
+    """
+    middles = corners_m.mean(axis=1)
+    radii = np.linalg.norm(corners_m[:, 0] - middles, axis=1)
+    near = cKDTree(middles).query_ball_point(middles, 2 * radii + 2 * TOUCH_M)
+    first = np.repeat(np.arange(len(quads)), [len(found) for found in near])
+    second = np.concatenate([np.asarray(found, dtype=np.intp) for found in near])
+    first, second = first[radii[second] <= radii[first]], second[radii[second] <= radii[first]]
+    a, b = np.concatenate([first, second]), np.concatenate([second, first])
+    poses, sizes = np.array([q.world_from_quad for q in quads]), np.array([q.size_m for q in quads])
+    local = (corners_m[b] - poses[a, None, :3, 3]) @ poses[a, :3, :3]
     flush = np.abs(local[:, :, 2]).max(axis=1) <= TOUCH_M
     low, high = local[:, :, :2].min(axis=1), local[:, :, :2].max(axis=1)
-    reach = np.array(quad.size_m) / 2 - TOUCH_M
-    return np.asarray(flush & (low < reach).all(axis=1) & (high > -reach).all(axis=1))
+    reach = sizes[a] / 2 - TOUCH_M
+    touches = flush & (low < reach).all(axis=1) & (high > -reach).all(axis=1)
+    return np.stack([a[touches], b[touches]], axis=1)
 
 
 class Shown(NamedTuple):

@@ -18,7 +18,7 @@ from peaksim.errors import InputError, SceneError
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.pose import Pose, compose, look_at, rotation_about
 from peaksim.geometry.trajectory import Trajectory
-from peaksim.image_file import read_image
+from peaksim.image_file import read_image, read_image_8_bits
 from peaksim.scene import schema as schema
 from peaksim.scene.lamps import WINDOW_RADIANCE, AreaLight, Environment
 from peaksim.scene.material import PRINT, Material, linear_from_srgb
@@ -104,24 +104,15 @@ def _load_texture(
         if variant not in table.variants:
             raise SceneError(f"textures.{name}: expected one of {', '.join(table.variants)}, got {variant!r}")
         field, file = f"textures.{name}.variants.{variant}", table.variants[variant]
-    photo = _read_photo(_find_image(str(file), folder, field), field)
+    photo = _read_photo(shipped.file_beside(folder, str(file), field), field)
     return Paper(scale_contrast(photo, table.contrast, table.mean), table.photo_m, material)
-
-
-def _find_image(file: str, folder: Path, field: str) -> Path:
-    """Return an image file beside the scene file, or else among the shipped assets."""
-    beside = folder / file
-    return shipped.file_inside(folder if beside.is_file() else shipped.ASSETS, file, field)
 
 
 def _read_photo(path: Path, field: str) -> NDArray[np.uint8]:
     try:
-        photo = read_image(path)
+        return read_image_8_bits(path)
     except InputError as error:
         raise SceneError(f"{field}: {error}") from error
-    if photo.dtype != np.uint8:
-        raise SceneError(f"{field}: expected an 8-bit image, got {photo.dtype}")
-    return np.asarray(photo, dtype=np.uint8)
 
 
 def scale_contrast(photo: NDArray[np.uint8], contrast: float, mean: float | None) -> NDArray[np.uint8]:
@@ -213,22 +204,35 @@ def _marker_quad(
     texel_m = table.side_m / len(pattern)
     border = round(table.border_m / texel_m)
     side_m = (len(pattern) + 2 * border) * texel_m
-    return Quad(name, _tile(table.kind, border), (side_m, side_m), pose, Mark(name, table.kind, table.side_m), material)
+    tile = _tile(pattern.tobytes(), pattern.shape, border)
+    return Quad(name, tile, (side_m, side_m), pose, Mark(name, table.kind, table.side_m), material)
 
 
 @lru_cache(maxsize=64)
-def _tile(kind: str, border: int) -> Texture:
+def _tile(pattern: bytes, shape: tuple[int, ...], border: int) -> Texture:
     """Return a pattern with a white border of whole texels; equal markers share one texture."""
-    return Texture.from_array(np.pad(marker_pattern(kind, "kind"), border, constant_values=_WHITE))
+    return Texture.from_array(np.pad(np.frombuffer(pattern, np.uint8).reshape(shape), border, constant_values=_WHITE))
 
 
 def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
     """Return the (side, side) image of a shipped marker."""
-    file = shipped.ASSETS / "markers" / f"{kind}.png"
-    if not file.is_file():
-        known = ", ".join(sorted(p.stem for p in file.parent.glob("*.png")))
-        raise SceneError(f"{field}: expected one of {known}, got {kind!r}")
-    return _read_photo(file, field)
+    known = _shipped_patterns()
+    if kind not in known:
+        raise SceneError(f"{field}: expected one of {', '.join(sorted(known))}, got {kind!r}")
+    return _shipped_pattern(known[kind])
+
+
+@lru_cache(maxsize=1)
+def _shipped_patterns() -> dict[str, Path]:
+    return {path.stem: path for path in (shipped.ASSETS / "markers").glob("*.png")}
+
+
+@lru_cache(maxsize=64)
+def _shipped_pattern(path: Path) -> NDArray[np.uint8]:
+    """Return a marker's image, read-only: a scene may have thousands of one kind."""
+    pattern = _read_photo(path, path.name)
+    pattern.setflags(write=False)
+    return pattern
 
 
 def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
@@ -311,7 +315,7 @@ def _light(table: schema.AnyLightTable, folder: Path, field: str) -> Light | Are
         return AreaLight(table.center_m, table.size_m, radiance, table.normal, table.up)
     if table.file is None:
         return Environment(table.radiance, None, table.yaw_deg)
-    path = _find_image(table.file, folder, field)
+    path = shipped.file_beside(folder, table.file, field)
     try:
         image = read_image(path)
     except InputError as error:
@@ -325,7 +329,7 @@ def build_camera(table: schema.CameraTable) -> Camera:
     """Return the camera; focal length and principal point default to square pixels and the image centre."""
     base = _base_camera(table)
     own = {name: getattr(table, name) for name in ("fy", "cx", "cy") if getattr(table, name) is not None}
-    return replace(
+    built = replace(
         base,
         **own,
         distortion=table.distortion,
@@ -334,6 +338,23 @@ def build_camera(table: schema.CameraTable) -> Camera:
         exposure_s=table.exposure_s,
         thin_lens=_thin_lens(table),
     )
+    return check_focal_length(built)
+
+
+def check_focal_length(camera: Camera) -> Camera:
+    """Return a camera from a file whose focal length can be one in px.
+
+    Raises
+    ------
+    SceneError
+        If its angle of view would be above 175°, or 360° for a fisheye: lengths in mm, or in image widths, give that.
+    """
+    most = np.pi if camera.model == "fisheye" else np.tan(np.deg2rad(87.5))
+    for name, focal, size in (("fx", camera.fx, camera.width), ("fy", camera.fy, camera.height)):
+        least = size / 2 / most
+        if focal < least:
+            raise SceneError(f"camera: {name}: expected px, at least {least:.3g} for {size} px, got {focal:g}")
+    return camera
 
 
 def _thin_lens(table: schema.CameraTable) -> ThinLens | None:

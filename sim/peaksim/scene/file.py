@@ -1,5 +1,6 @@
 """TOML → scene, camera, trajectory and sensor; every error names the file, the field and what was expected."""
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from peaksim.scene import build as scene_build
 from peaksim.scene import posters as scene_posters
 from peaksim.scene.scene import Scene
 from peaksim.scene.schema import SceneTable
-from peaksim.toml_file import parse_toml, validate
+from peaksim.toml_file import parse_toml, suggestion, validate
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,20 @@ def read_table(path: str | Path) -> tuple[SceneTable, Path]:
 def find_scene(path: str | Path) -> Path:
     """Return the file of a scene: a path, or the bare name of a shipped scene."""
     shipped_file = shipped.SCENES / f"{path}.toml"
-    return shipped_file if Path(path).name == str(path) and shipped_file.is_file() else Path(path)
+    return shipped_file if Path(path).name == str(path) and os.path.isfile(shipped_file) else Path(path)
+
+
+def find_scene_beside(folder: Path, file: str, field: str) -> Path:
+    """Return the file of a scene that a file in `folder` names: one that lies there, or the name of a shipped scene.
+
+    Raises
+    ------
+    SceneError
+        If it leads elsewhere; the message starts with `field`.
+    """
+    if not os.path.isfile(folder / file) and (shipped_file := find_scene(file)) != Path(file):
+        return shipped_file
+    return shipped.path_inside(folder, file, field)
 
 
 def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | None = None) -> Setup:
@@ -111,5 +125,7 @@ def build_sensor(settings: Mapping[str, Any]) -> Sensor:
     known = list(Sensor.__dataclass_fields__)
     for name in settings:
         if name not in known:
-            raise SceneError(f"sensor.{name}: unknown field, expected one of {', '.join(known)}")
+            raise SceneError(
+                f"sensor.{name}: unknown field, expected one of {', '.join(known)}{suggestion(name, known)}"
+            )
     return Sensor(**settings)

@@ -13,7 +13,7 @@ from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
 from peaksim.scene.build import build_camera
-from peaksim.scene.file import Setup, build_sensor, load_scene, read_table
+from peaksim.scene.file import Setup, build_sensor, find_scene_beside, load_scene, read_table
 from peaksim.scene.ride import Bumps, ExposureChange, Mount, Ride, follow_path
 from peaksim.scene.schema import CameraTable, Name, NotNegative, Number, Point2, Positive, SceneTable, StrictTable
 from peaksim.toml_file import parse_toml, validate
@@ -103,7 +103,9 @@ def load_ride(
     """
     file = _find_ride(path)
     table = validate(RideTable, parse_toml(file), str(path)) if file.suffix == ".toml" else None
-    named = scene or (table.scene if table else None)
+    named: str | Path | None = scene
+    if named is None and table is not None:
+        named = find_scene_beside(file.parent, table.scene, f"{path}: scene")
     if named is None:
         raise SceneError(f"{path}: expected --scene beside a file of poses")
     setup = load_scene(named, {} if texture is None else {"floor": texture})

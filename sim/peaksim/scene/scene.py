@@ -1,7 +1,9 @@
 """What there is to see: quads with textures, meshes and lights, as plain frozen values."""
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,8 @@ from peaksim.geometry.pose import Pose, rigid
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import PRINT, Material
 from peaksim.scene.texture import Texture
+
+_Kind = TypeVar("_Kind")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +29,12 @@ class Mark:
     """Side of the pattern's square without border, metres."""
     center_m: tuple[float, float] = (0.0, 0.0)
     """Centre in the quad's frame (x right, y up), metres; axes are parallel to the quad's."""
+
+    def __post_init__(self) -> None:
+        name = f"marker {self.name!r}"
+        if not _floats(self.side_m, (), f"{name}: side_m") > 0:
+            raise SceneError(f"{name}: side_m: expected a positive number, got {self.side_m!r}")
+        _floats(self.center_m, (2,), f"{name}: center_m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +55,12 @@ class Quad:
     """Of the printed face."""
 
     def __post_init__(self) -> None:
-        width, height = self.size_m
-        if not (0 < width < np.inf and 0 < height < np.inf):
-            raise SceneError(f"quad {self.name!r}: size_m: expected two positive numbers, got {self.size_m}")
+        size_m = _numbers(self.size_m, (2,), f"quad {self.name!r}: size_m")
+        if not ((size_m > 0) & (size_m < np.inf)).all():
+            raise SceneError(f"quad {self.name!r}: size_m: expected two positive numbers, got {self.size_m!r}")
+        if not isinstance(self.texture, Texture):
+            raise SceneError(f"quad {self.name!r}: texture: expected a Texture, got {type(self.texture).__name__}")
+        object.__setattr__(self, "marker", _marks(self.marker, f"quad {self.name!r}: marker"))
         object.__setattr__(self, "world_from_quad", rigid(self.world_from_quad, f"quad {self.name!r}: pose"))
 
     @property
@@ -91,16 +104,20 @@ class Mesh:
     """Of both faces."""
 
     def __post_init__(self) -> None:
-        vertices = np.ascontiguousarray(self.vertices_m, dtype=np.float64)
-        faces = np.ascontiguousarray(self.faces, dtype=np.int64)
-        if vertices.ndim != 2 or vertices.shape[1:] != (3,) or not np.isfinite(vertices).all():
-            raise SceneError(f"mesh {self.name!r}: vertices: expected finite (n, 3), got shape {vertices.shape}")
-        if faces.ndim != 2 or faces.shape[1:] != (3,) or len(faces) == 0:
-            raise SceneError(f"mesh {self.name!r}: faces: expected (m, 3) with m ≥ 1, got shape {faces.shape}")
+        name = f"mesh {self.name!r}"
+        vertices = _floats(self.vertices_m, (-1, 3), f"{name}: vertices")
+        whole = _floats(self.faces, (-1, 3), f"{name}: faces")
+        faces = whole.astype(np.int64)
+        if len(faces) == 0 or not np.array_equal(faces, whole):
+            raise SceneError(f"{name}: faces: expected (m, 3) whole numbers with m ≥ 1, got {self.faces!r}")
+        color = _floats(self.color, (3,), f"{name}: color")
+        if not ((color >= 0) & (color <= 255)).all():
+            raise SceneError(f"{name}: color: expected three grey levels 0…255, got {self.color!r}")
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise SceneError(
                 f"mesh {self.name!r}: faces: expected indices in 0…{len(vertices) - 1}, got {faces.min()}…{faces.max()}"
             )
+        object.__setattr__(self, "color", tuple(color.tolist()))
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "world_from_mesh", rigid(self.world_from_mesh, f"mesh {self.name!r}: pose"))
@@ -161,11 +178,49 @@ class Scene:
         return tuple(light for light in self.lights if isinstance(light, Light))
 
     def __post_init__(self) -> None:
+        for many, kind in (("quads", Quad), ("meshes", Mesh), ("lights", Light)):
+            object.__setattr__(self, many, _all(getattr(self, many), kind, f"scene: {many}"))
+        if not 0 <= _floats(self.background, (), "scene: background") <= 255:
+            raise SceneError(f"scene: background: expected a grey level 0…255, got {self.background!r}")
         _check_unique([q.name for q in self.quads] + [m.name for m in self.meshes], "names")
         _check_unique([m.name for q in self.quads for m in q.marks], "marker names")
 
 
 def _check_unique(names: list[str], what: str) -> None:
-    twice = {name for name in names if names.count(name) > 1}
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
-        raise SceneError(f"scene: expected unique {what}, got {min(twice)!r} twice")
+        raise SceneError(f"scene: expected unique {what}, got {twice[0]!r} twice")
+
+
+def _marks(marker: object, name: str) -> str | Mark | tuple[Mark, ...] | None:
+    """Return what a quad has printed on it; a list of marks as a tuple."""
+    return marker if marker is None or isinstance(marker, str | Mark) else _all(marker, Mark, name)
+
+
+def _all(values: Any, kind: type[_Kind], name: str) -> tuple[_Kind, ...]:
+    """Return values as a tuple, refusing what is not all of one type."""
+    listed = tuple(values) if isinstance(values, Iterable) else (values,)
+    wrong = [value for value in listed if not isinstance(value, kind)]
+    if wrong or not isinstance(values, Iterable):
+        raise SceneError(f"{name}: expected a tuple of {kind.__name__}, got {type((wrong or [values])[0]).__name__}")
+    return listed
+
+
+def _floats(values: Any, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
+    """Return finite numbers of a shape, as `_numbers`."""
+    numbers = _numbers(values, shape, name)
+    if not np.isfinite(numbers).all():
+        raise SceneError(f"{name}: expected finite numbers, got {values!r}")
+    return numbers
+
+
+def _numbers(values: Any, shape: tuple[int, ...], name: str) -> NDArray[np.float64]:
+    """Return numbers of a shape, in which −1 stands for any length, C-contiguous."""
+    try:
+        numbers = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise SceneError(f"{name}: expected numbers, got {values!r}") from None
+    if numbers.ndim != len(shape) or any(n not in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)):
+        wanted = "(" + ", ".join("n" if n == -1 else str(n) for n in shape) + ")" if shape else "one"
+        raise SceneError(f"{name}: expected {wanted} numbers, got shape {numbers.shape}")
+    return numbers

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, UnidentifiedImageError
 
 from peaksim.errors import ImageError
+from peaksim.image_file import read_image, to_8_bits
 
 MAX_TEXELS = 64_000_000
 """Larger textures are refused: their tables (8 bytes a texel and channel) would not fit into memory beside an image."""
@@ -44,22 +44,14 @@ class Texture:
 
     @staticmethod
     def from_file(path: str | Path) -> "Texture":
-        """Read an image file as a grey or RGB texture; transparency and animation are dropped.
+        """Read an image file as a grey or RGB texture, as `read_image` does; 16 bits are divided by 257 and rounded.
 
         Raises
         ------
         ImageError
             If it is missing, is not an image, or is larger than `MAX_TEXELS`.
         """
-        try:
-            with Image.open(path) as image:
-                _check_texels(*image.size, str(path))
-                gray = image.mode in ("1", "L", "LA", "I", "I;16", "F")
-                return Texture.from_array(np.asarray(image.convert("L" if gray else "RGB")))
-        except (OSError, SyntaxError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-            if isinstance(error, ImageError):
-                raise
-            raise ImageError(f"{path}: expected an image, got {_reason(error)}") from error
+        return Texture.from_array(to_8_bits(read_image(path, largest=MAX_TEXELS, unit="texels")))
 
     @property
     def channels(self) -> int:
@@ -77,7 +69,3 @@ def _check_texels(width: int, height: int, name: str) -> None:
         raise ImageError(f"{name}: expected at least one texel, got {width}×{height}")
     if width * height > MAX_TEXELS:
         raise ImageError(f"{name}: expected at most {MAX_TEXELS} texels, got {width}×{height}")
-
-
-def _reason(error: Exception) -> str:
-    return "nothing there" if isinstance(error, FileNotFoundError) else str(error).splitlines()[0]

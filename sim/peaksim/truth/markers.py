@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.rays import first_faces, solids_of
+from peaksim.area.rays import first_faces, list_faces_in, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth
 from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.polygon import clip_polygon, polygon_area
 from peaksim.geometry.pose import invert, transform
 from peaksim.scene.scene import Scene, rectangle_m
+from peaksim.truth.outline import part_before, seen_outline
 from peaksim.truth.shape import affinities, ellipses
 
 if TYPE_CHECKING:
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
 
 _SAMPLES = 48
 """Points along each side of a marker at which its visibility is tested: 2304 in all, an error of about 0.004."""
+_CLOSE_SAMPLES = 192
+"""The same for the part in the image of a marker that reaches behind the camera, which may be cut to a sliver."""
+_BESIDE = np.cos(np.radians(89))
+"""A corner more than 89° off the axis counts as behind the camera: its image is 57 focal lengths away."""
+_UNIT_SQUARE = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1]])
 _IN_PLANE_M = 1e-12
 """Faces closer than this are in one plane."""
 _MOMENTS = 32
@@ -40,7 +46,8 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
     distances = np.linalg.norm(eyes - centers, axis=1)
     cosines = ((eyes - centers) * normals).sum(axis=1) / np.maximum(distances, 1e-300)
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    shares = _visible_fractions(scene, posed, owners, corners, corners_xy, cosines > 0)
+    in_camera = transform(invert(posed.pose), corners)
+    shares = _visible_fractions(scene, posed, owners, (corners, corners_xy, in_camera), cosines > 0)
     shapes = affinities(posed, corners), ellipses(posed, corners)
     means, covariances = projection_blur(posed.moments(_MOMENTS if posed.is_blurred else 1), centers)
     return tuple(
@@ -49,7 +56,7 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
             kind=mark.kind,
             center_xy=centers_xy[k],
             corners_xy=corners_xy[k],
-            side_px=float(np.sqrt(abs(polygon_area(corners_xy[k])))),
+            side_px=_side_px(posed.camera, corners_xy[k], in_camera[k]),
             distance_m=float(distances[k]),
             tilt_deg=float(tilts_deg[k]),
             visible_fraction=float(shares[k]),
@@ -60,6 +67,15 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
         )
         for k, mark in enumerate(marks)
     )
+
+
+def _side_px(camera: Camera, corners_xy: NDArray[np.float64], in_camera: NDArray[np.float64]) -> float:
+    """Return the square root of a square's image area; of the part in the image where a corner has no image."""
+    area = polygon_area(corners_xy)
+    if np.isnan(area):
+        outline = seen_outline(camera, in_camera)
+        area = polygon_area(outline) if len(outline) else np.nan
+    return float(np.sqrt(abs(area)))
 
 
 def face_corners_m(scene: Scene) -> NDArray[np.float64]:
@@ -85,33 +101,72 @@ def _visible_fractions(
     scene: Scene,
     posed: PosedCamera,
     owners: NDArray[np.intp],
-    corners: NDArray[np.float64],
-    corners_xy: NDArray[np.float64],
+    rectangles: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
     facing: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Return the visible shares of (n, 4, 3) rectangles on quads of index `owners`: without rays where certain."""
+    """Return the visible shares of rectangles on quads of index `owners`: without rays where certain.
+
+    `rectangles` are their corners: (n, 4, 3) in the world, (n, 4, 2) px, and (n, 4, 3) in the camera's frame.
+    """
+    corners, corners_xy, in_camera = rectangles
     solids, faces = solids_of(scene, quads=True), face_corners_m(scene)
-    in_camera = transform(invert(posed.pose), corners)
+    behind = _reach_behind(posed, corners_xy, in_camera)
     seen = np.array([_may_be_seen(posed, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
     shares = np.zeros(len(corners))
-    for number in np.unique(owners[seen]):
-        hiding = faces_before(faces, int(number))
-        if not posed.is_rolling:
-            hiding = hiding[may_hide(posed.pose[:3, 3], scene.quads[number].corners_m, hiding)]
-        for k in np.flatnonzero(seen & (owners == number)):
-            hidden = _is_hidden(posed, corners[k], corners_xy[k], hiding)
-            share = None if hidden else _share_inside(posed, corners_xy[k])
-            shares[k] = visible_fraction(posed, solids, int(number), corners[k]) if share is None else share
+    for k in np.flatnonzero(seen):
+        number = int(owners[k])
+        hidden = _is_hidden(posed, solids, faces, number, corners[k], corners_xy[k])
+        if behind[k]:
+            shares[k] = _printed_share(posed, solids, number, corners[k], in_camera[k], hidden)
+            continue
+        share = None if hidden else _share_inside(posed, corners_xy[k])
+        shares[k] = visible_fraction(posed, solids, number, corners[k]) if share is None else share
     return shares
 
 
-def faces_before(faces: NDArray[np.float64], number: int) -> NDArray[np.float64]:
-    """Return those of (f, 4, 3) faces that may hide one of them: of faces in its own plane the later ones are seen."""
+def _reach_behind(
+    posed: PosedCamera, corners_xy: NDArray[np.float64], in_camera: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return (n,) which rectangles have a corner behind the camera, or so nearly that its image is far away."""
+    if posed.camera.model != "brown":
+        return np.zeros(len(in_camera), dtype=bool)
+    behind = (in_camera[:, :, 2] <= _BESIDE * np.linalg.norm(in_camera, axis=2)).any(axis=1)
+    return np.asarray(behind | (posed.is_rolling & np.isnan(corners_xy).any(axis=(1, 2))))
+
+
+def _printed_share(
+    posed: PosedCamera,
+    solids: "Solids",
+    number: int,
+    corners: NDArray[np.float64],
+    in_camera: NDArray[np.float64],
+    hidden: bool,
+) -> float:
+    """Return the share of a rectangle's printed area that is seen: the image of what is behind us has no area."""
+    low, high = np.zeros(2), np.ones(2)
+    if not posed.is_rolling:
+        part = part_before(posed.camera, np.hstack([in_camera, _UNIT_SQUARE]))[:, 3:]
+        if len(part) < 3:
+            return 0.0
+        if posed.camera.is_pinhole and not hidden:
+            return abs(polygon_area(part))
+        low, high = part.min(axis=0), part.max(axis=0)
+    seen = _seen_points(posed, solids, number, _grid(corners, low, high, _CLOSE_SAMPLES))
+    return float(seen.mean() * (high - low).prod())
+
+
+def faces_before(
+    faces: NDArray[np.float64], number: int, among: NDArray[np.int64] | None = None
+) -> NDArray[np.float64]:
+    """Return those of (f, 4, 3) faces that may hide one of them: of faces in its own plane the later ones are seen.
+
+    `among` are the numbers of those that come into question, of all faces by default.
+    """
+    order = np.arange(len(faces)) if among is None else among
     first, second, _, last = faces[number]
     normal = _cross(second - first, last - first)
-    in_plane = (np.abs((faces - first) @ normal) <= _IN_PLANE_M * np.linalg.norm(normal)).all(axis=1)
-    order = np.arange(len(faces))
-    return faces[np.where(in_plane, order > number, order != number)]
+    in_plane = (np.abs((faces[order] - first) @ normal) <= _IN_PLANE_M * np.linalg.norm(normal)).all(axis=1)
+    return faces[order[np.where(in_plane, order > number, order != number)]]
 
 
 def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float | None:
@@ -125,11 +180,30 @@ def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float 
 
 
 def _is_hidden(
-    posed: PosedCamera, corners: NDArray[np.float64], corners_xy: NDArray[np.float64], faces: NDArray[np.float64]
+    posed: PosedCamera,
+    solids: "Solids",
+    faces: NDArray[np.float64],
+    number: int,
+    corners: NDArray[np.float64],
+    corners_xy: NDArray[np.float64],
 ) -> bool:
     """Return whether a face may lie between a rectangle and the camera while its first or its last row is read."""
+    if posed.is_rolling and np.isnan(corners_xy).any():
+        return True
     eyes = posed.row_poses([corners_xy[:, 1].min(), corners_xy[:, 1].max()])[:, :3, 3]
-    return any(may_hide(eye, corners, faces).any() for eye in eyes)
+    return any(
+        may_hide(eye, corners, faces_before(faces, number, faces_between(solids, eye, corners))).any() for eye in eyes
+    )
+
+
+def faces_between(solids: "Solids", eye_m: NDArray[np.float64], corners_m: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the numbers of the faces near the pyramid from the eye to a rectangle (4, 3), found in the tree."""
+    normals, points = _pyramid(eye_m, corners_m)
+    offsets = -(normals * points).sum(axis=1)
+    slack = 1e-9 * np.linalg.norm(normals, axis=1) * (1 + np.abs(points).max())
+    found = np.empty(len(solids.ids), np.int64)
+    count = list_faces_in(*solids[:2], solids.ids, np.column_stack([normals, offsets + slack]), found)
+    return np.sort(found[:count])
 
 
 def _may_be_seen(posed: PosedCamera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
@@ -178,18 +252,29 @@ def may_hide(
     """
     if len(faces) == 0:
         return np.zeros(0, dtype=bool)
-    rays = corners_m - eye_m
-    inwards = _cross(rays, rays[[1, 2, 3, 0]])
-    inwards *= np.sign(inwards @ rays.mean(axis=0))[:, None]
-    beyond = np.any(np.all((faces - eye_m) @ inwards.T < 0, axis=1), axis=1)
-    normal = _cross(corners_m[1] - corners_m[0], corners_m[3] - corners_m[0])
-    normal *= -np.sign(normal @ rays[0])
+    *inwards, normal = _pyramid(eye_m, corners_m)[0]
+    beyond = np.any(np.all((faces - eye_m) @ np.transpose(inwards) < 0, axis=1), axis=1)
     behind = ((faces - corners_m[0]) @ normal < -1e-9 * np.linalg.norm(normal)).all(axis=1)
     planes = _cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     sides = (np.vstack([corners_m, eye_m]) - faces[:, :1]) @ planes[:, :, None]
     least = 1e-9 * np.linalg.norm(planes, axis=1)[:, None]
     apart = (sides[:, :, 0] > least).all(axis=1) | (sides[:, :, 0] < -least).all(axis=1)
     return np.asarray(~beyond & ~behind & ~apart)
+
+
+def _pyramid(
+    eye_m: NDArray[np.float64], corners_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (5, 3) inward normals of the pyramid from an eye to a rectangle (4, 3), and a point on each plane.
+
+    The first four planes pass through the eye and a side, the last one is the rectangle's own.
+    """
+    rays = corners_m - eye_m
+    inwards = _cross(rays, rays[[1, 2, 3, 0]])
+    inwards *= np.sign(inwards @ rays.mean(axis=0))[:, None]
+    normal = _cross(corners_m[1] - corners_m[0], corners_m[3] - corners_m[0])
+    normal *= -np.sign(normal @ rays[0])
+    return np.vstack([inwards, normal]), np.vstack([np.repeat(eye_m[None], 4, axis=0), corners_m[:1]])
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -204,16 +289,29 @@ def visible_fraction(posed: PosedCamera, solids: "Solids", number: int, corners:
 
     The rectangle is sampled evenly; each sample counts by the image area that it stands for.
     """
-    steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    u, v = (grid.ravel() for grid in np.meshgrid(steps, steps))
-    points = corners[0] + u[:, None] * (corners[1] - corners[0]) + v[:, None] * (corners[3] - corners[0])
-    xy = posed.project(points)
+    points = _grid(corners, np.zeros(2), np.ones(2), _SAMPLES)
     weights = area_weights(posed, points, corners)
+    seen = _seen_points(posed, solids, number, points)
+    return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
+
+
+def _grid(
+    corners: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    """Return the (count², 3) middles of equal patches of a rectangle between two points, in sides."""
+    steps = (np.arange(count) + 0.5) / count
+    u, v = (grid.ravel()[:, None] for grid in np.meshgrid(*(low + steps[:, None] * (high - low)).T))
+    return np.asarray(corners[0] + u * (corners[1] - corners[0]) + v * (corners[3] - corners[0]))
+
+
+def _seen_points(posed: PosedCamera, solids: "Solids", number: int, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (n,) whether points on a face are inside the image and in front of all else."""
+    xy = posed.project(points)
     inside = posed.camera.contains(xy)
     eyes = np.broadcast_to(posed.row_poses(xy[inside, 1])[:, :3, 3], (int(inside.sum()), 3))
     seen = np.zeros(len(points), dtype=bool)
     seen[inside] = first_faces(solids, eyes, points[inside] - eyes)[0] == number
-    return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
+    return seen
 
 
 def area_weights(posed: PosedCamera, points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,16 +19,7 @@ _INNER = (np.arange(7) - 3) / 9
 def is_blank(gray: NDArray[np.uint8], markers: MarkerShapes, lattice: Lattice, blank: Cell, pitch: float) -> bool:
     """Return whether a cell is as bright as the white in and around the lattice's markers, and even.
 
-    Parameters
-    ----------
-    gray
-        (H, W) image in which the markers were found.
-    markers, lattice
-        The markers, and the array's among them.
-    blank
-        The cell.
-    pitch
-        Distance of neighbouring centres in sides.
+    `gray` (H, W) is the image in which the markers were found, `pitch` the distance of neighbours' centres in sides.
     """
     printed = _levels(gray, markers, lattice, np.array(list(lattice.cells)), _CELL)
     black, white = np.percentile(printed, [2, 95])

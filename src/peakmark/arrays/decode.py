@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from peakmark.arrays.blank import is_blank
 from peakmark.arrays.lattice import Cell, Lattice, Limits, MarkerShapes, expected, lattices, positions
 from peakmark.arrays.paper import decode_upright
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.identification.detection import Detection
 from peakmark.identification.suppression import suppress_non_maxima
 from peakmark.keypoints.image import as_gray
@@ -96,8 +96,7 @@ def decode_arrays(
         If the rule is unknown, "paper" is asked for another layout, `affinity` has another shape, or the image is none.
     """
     found = tuple(detections)
-    if rule not in ("robust", "paper"):
-        raise InputError(f"rule: expected robust or paper, got {rule!r}")
+    check_choice(rule, ("robust", "paper"), "rule")
     if rule == "paper":
         if (layout.rows, layout.columns, layout.parity) != (2, 2, False):
             raise InputError("rule: expected the 2×2 layout without parity for the paper's rule")
@@ -125,29 +124,13 @@ def _shapes_of(found: Sequence[Detection], affinity: ArrayLike | None) -> Marker
 
 
 @dataclass(frozen=True)
-class _Order:
-    """An order in which a lattice can be read."""
+class _Block(Lattice):
+    """A lattice, and how the layout is read from it."""
 
     order: tuple[int, ...]
-    """Indices of the markers in reading order; of those that are there, if one is missing."""
+    """Indices of the markers that are there in reading order; empty where the layout does not fit."""
     blank: Cell
-    """The blank corner's cell in the lattice."""
-
-
-@dataclass(frozen=True)
-class _Block:
-    """A lattice, and the orders in which the layout fits it: none, or one, more if markers are missing."""
-
-    lattice: Lattice
-    readings: list[_Order]
-
-    @property
-    def members(self) -> frozenset[int]:
-        return self.lattice.members
-
-    @property
-    def anisotropy(self) -> float:
-        return self.lattice.anisotropy
+    """The blank corner's cell; the lattice's first where the layout does not fit."""
 
 
 def _decode(
@@ -159,15 +142,15 @@ def _decode(
 ) -> tuple[MarkerArray, ...]:
     if len(found) < 3:
         return ()
-    everything = [_Block(lattice, _readings(lattice, layout)) for lattice in lattices(seen, layout.pitch)]
+    everything = [_block(lattice, layout) for lattice in lattices(seen, layout.pitch)]
     arrays = []
     for candidate in everything:
         rivals = [other for other in everything if _is_rival(other, candidate, seen.limits)]
-        if candidate.readings and not any(_is_better(rival, candidate, seen.limits) for rival in rivals):
+        if candidate.order and not any(_is_better(rival, candidate, seen.limits) for rival in rivals):
             doubt = _rivalry(candidate, rivals) or _doubt(candidate, seen, image_size)
-            if gray is not None and not doubt and not _has_blank(gray, seen, candidate, layout.pitch):
+            if gray is not None and not doubt and not is_blank(gray, seen, candidate, candidate.blank, layout.pitch):
                 doubt = "the blank corner is not blank"
-            arrays.append(_array(found, candidate.readings[0].order, layout, doubt))
+            arrays.append(_array(found, candidate.order, layout, doubt))
     return tuple(sorted(arrays, key=lambda a: (a.code is None, a.code or 0, tuple(a.xy))))
 
 
@@ -177,7 +160,7 @@ def _is_rival(other: _Block, candidate: _Block, limits: Limits) -> bool:
         return False
     if other.anisotropy >= max(ORIENTATION_MARGIN * candidate.anisotropy, limits.plain_anisotropy):
         return False
-    return bool(other.readings) or not other.members <= candidate.members
+    return bool(other.order) or not other.members <= candidate.members
 
 
 def _is_better(rival: _Block, candidate: _Block, limits: Limits) -> bool:
@@ -193,52 +176,49 @@ def _rivalry(candidate: _Block, rivals: Sequence[_Block]) -> str:
     return "markers fit other blocks as well" if rivals else ""
 
 
-def _readings(lattice: Lattice, layout: Layout) -> list[_Order]:
-    """Return how a lattice can be read: rotated so that an empty corner is the upper left one and the box fits."""
+def _block(lattice: Lattice, layout: Layout) -> _Block:
+    """Return how a lattice is read: rotated so that an empty corner is the upper left one and the box fits."""
     columns, rows = lattice.size
     left, top = np.array(list(lattice.cells)).min(axis=0)
     at = {(x - int(left), y - int(top)): index for (x, y), index in lattice.cells.items()}
     back = {(x, y): (x + int(left), y + int(top)) for x in range(columns) for y in range(rows)}
-    readings = []
     for _ in range(4):
         if (columns, rows) == (layout.columns, layout.rows) and (0, 0) not in at:
             order = tuple(at[cell] for cell in layout.cells if cell in at)
-            readings.append(_Order(order, back[0, 0]))
+            return _Block(lattice.cells, lattice.anisotropy, order, back[0, 0])
         # rotate by a quarter clockwise
         at = {(rows - 1 - y, x): index for (x, y), index in at.items()}
         back = {(rows - 1 - y, x): cell for (x, y), cell in back.items()}
         columns, rows = rows, columns
-    return readings
+    return _Block(lattice.cells, lattice.anisotropy, (), back[0, 0])
 
 
 def _doubt(candidate: _Block, seen: MarkerShapes, image_size: tuple[int, int] | None) -> str:
     """Return what speaks against reading a candidate; an empty string if nothing does."""
-    lattice, blank = candidate.lattice, candidate.readings[0].blank
-    if len(lattice.empty) > 1:
+    if len(candidate.empty) > 1:
         return "a marker is missing"
-    if _is_crowded(lattice, blank, seen):
+    if _is_crowded(candidate, seen):
         return "another marker is too near"
     if image_size is not None:
-        (corner,), _ = expected(seen, lattice, np.array([blank], dtype=np.float64))
+        (corner,), _ = expected(seen, candidate, np.array([candidate.blank], dtype=np.float64))
         if not (np.all(corner > -0.5) and np.all(corner < np.array(image_size) - 0.5)):
             return "the blank corner lies outside the image"
     return ""
 
 
-def _has_blank(gray: NDArray[np.uint8], seen: MarkerShapes, candidate: _Block, pitch: float) -> bool:
-    return is_blank(gray, seen, candidate.lattice, candidate.readings[0].blank, pitch)
-
-
-def _is_crowded(lattice: Lattice, blank: Cell, seen: MarkerShapes) -> bool:
-    others = np.setdiff1d(np.arange(len(seen.xy)), list(lattice.members))
-    size = np.median(seen.sizes[list(lattice.members)])
+def _is_crowded(candidate: _Block, seen: MarkerShapes) -> bool:
+    others = np.setdiff1d(np.arange(len(seen.xy)), list(candidate.members))
+    size = np.median(seen.sizes[list(candidate.members)])
     others = others[np.abs(np.log(seen.sizes[others] / size)) <= np.log(LIKE_SIZE)]
-    found = positions(seen, lattice)[others]
-    cells = np.array([*lattice.cells, blank])
+    found = positions(seen, candidate)[others]
+    cells = np.array([*candidate.cells, candidate.blank])
     return bool((np.linalg.norm(found[:, None] - cells, axis=2) < QUIET_STEPS).any())
 
 
 def _array(found: Sequence[Detection], order: Sequence[int], layout: Layout, doubt: str) -> MarkerArray:
     members = tuple(found[i] for i in order)
-    code = None if doubt else code_of([d.polarity for d in members], layout)
+    polarities = [d.polarity for d in members if d.polarity is not None]
+    if len(polarities) < len(members):
+        doubt = doubt or "a polarity is unknown"
+    code = None if doubt else code_of(polarities, layout)
     return MarkerArray(code, doubt or ("" if code is not None else "parity is wrong"), members, layout)

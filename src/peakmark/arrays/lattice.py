@@ -49,6 +49,7 @@ _NEIGHBOURS = 12
 _TILT_PRIOR = 0.2
 """Standard deviation of the perspective term g, per step of the lattice: 0.2 is a camera five steps away, grazing."""
 
+_CORNER: tuple[Cell, ...] = ((0, 0), (1, 0), (0, 1))
 _SIDES: tuple[Cell, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
@@ -75,27 +76,13 @@ class MarkerShapes:
 
 
 @dataclass(frozen=True)
-class Corner:
-    """A marker and its neighbours one step along both axes."""
-
-    origin: int
-    """Index of the marker in cell (0, 0)."""
-    along: int
-    """Index of the marker in cell (1, 0)."""
-    down: int
-    """Index of the marker in cell (0, 1)."""
-    anisotropy: float
-    """How far from square: longest over shortest side after undoing the shape that is known; 1 is a square."""
-
-
-@dataclass(frozen=True)
 class Lattice:
     """Markers in the cells of a lattice."""
 
     cells: dict[Cell, int]
     """(column, row) → index of the marker."""
     anisotropy: float
-    """Of the corner that it grew from."""
+    """Longest over shortest side of the corner that it grew from, after undoing its known shape; 1 is a square."""
 
     @property
     def members(self) -> frozenset[int]:
@@ -118,8 +105,8 @@ class Lattice:
         return [cell for cell in box if cell not in self.cells]
 
 
-def corners(markers: MarkerShapes, pitch: float) -> list[Corner]:
-    """Return every corner whose sides fit markers of their size at `pitch` sides from one another."""
+def corners(markers: MarkerShapes, pitch: float) -> list[Lattice]:
+    """Return every corner, three markers whose sides fit markers of their size at `pitch` sides from one another."""
     near = neighbours(markers, pitch)
     triples = np.array([(i, *pair) for i, others in enumerate(near) for pair in combinations(others, 2)], dtype=np.intp)
     return _fitting(markers, pitch, triples.reshape(-1, 3))
@@ -138,7 +125,7 @@ def neighbours(markers: MarkerShapes, pitch: float) -> list[list[int]]:
     return [[int(j) for j in row[good]] for row, good in zip(nearest, fits, strict=True)]
 
 
-def _fitting(markers: MarkerShapes, pitch: float, triples: NDArray[np.intp]) -> list[Corner]:
+def _fitting(markers: MarkerShapes, pitch: float, triples: NDArray[np.intp]) -> list[Lattice]:
     """Return those of (t, 3) markers, the corner first, that are squares within the limits."""
     limits = markers.limits
     sides = np.swapaxes(markers.xy[triples[:, 1:]] - markers.xy[triples[:, :1]], 1, 2) / pitch
@@ -153,7 +140,7 @@ def _fitting(markers: MarkerShapes, pitch: float, triples: NDArray[np.intp]) -> 
     fits = (longest <= limits.anisotropy * shortest) & (_rotation_deg(sides) <= limits.rotation_deg)
     anisotropies = longest[fits] / shortest[fits]
     kept = zip(triples[fits].tolist(), anisotropies.tolist(), strict=True)
-    return [Corner(origin, along, down, anisotropy) for (origin, along, down), anisotropy in kept]
+    return [Lattice(dict(zip(_CORNER, corner, strict=True)), anisotropy) for corner, anisotropy in kept]
 
 
 def _rotation_deg(sides: Points) -> Points:
@@ -164,16 +151,16 @@ def _rotation_deg(sides: Points) -> Points:
 
 def lattices(markers: MarkerShapes, pitch: float) -> list[Lattice]:
     """Return every lattice that markers may lie on, the squarest first; they overlap where geometry allows several."""
-    seen: set[tuple[int, int, int]] = set()
+    seen: set[tuple[int, ...]] = set()
     found = []
     for corner in sorted(corners(markers, pitch), key=lambda c: c.anisotropy):
-        if (corner.origin, corner.along, corner.down) not in seen:
+        if tuple(corner.cells.values()) not in seen:
             found.append(grow(markers, corner))
             seen |= _corners_of(found[-1])
     return found
 
 
-def _corners_of(lattice: Lattice) -> set[tuple[int, int, int]]:
+def _corners_of(lattice: Lattice) -> set[tuple[int, ...]]:
     """Return origin, along and down of all corners of a lattice, in its four orientations."""
     cells = lattice.cells
     return {
@@ -184,14 +171,11 @@ def _corners_of(lattice: Lattice) -> set[tuple[int, int, int]]:
     }
 
 
-def grow(markers: MarkerShapes, corner: Corner) -> Lattice:
-    """Return the lattice of a corner with every marker that continues it."""
-    lattice = Lattice({(0, 0): corner.origin, (1, 0): corner.along, (0, 1): corner.down}, corner.anisotropy)
-    while True:
-        new = _next_cells(markers, lattice)
-        if not new:
-            return lattice
-        lattice = Lattice({**lattice.cells, **new}, corner.anisotropy)
+def grow(markers: MarkerShapes, lattice: Lattice) -> Lattice:
+    """Return a lattice with every marker that continues it."""
+    while new := _next_cells(markers, lattice):
+        lattice = Lattice({**lattice.cells, **new}, lattice.anisotropy)
+    return lattice
 
 
 def _next_cells(markers: MarkerShapes, lattice: Lattice) -> dict[Cell, int]:

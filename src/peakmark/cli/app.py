@@ -1,13 +1,14 @@
 """The command line: `peakmark COMMAND …`. A command's module is imported when that command is called."""
 
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
-from typer import Typer
+from typer import Exit, Option, Typer
 from typer.core import TyperGroup
 from typer.main import get_command, get_group
 
-from peakmark.cli.command import run_command
+from peakmark.cli.command import plain_app, run_command
+from peakmark.version import __version__
 
 COMMANDS = {
     "marker": ("peakmark.cli.marker:marker", "Write a print-ready sheet of markers."),
@@ -37,14 +38,31 @@ def load_command(name: str) -> Any:
     target = getattr(import_module(module), attribute)
     if isinstance(target, Typer):
         return get_group(target)
-    alone = Typer(add_completion=False)
+    alone = plain_app()
     alone.command(name)(target)
     return get_command(alone)
 
 
-app = Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, help="Markers that SIFT and SURF cannot miss.")
+app = plain_app(cls=LazyGroup, no_args_is_help=True, help="Markers that SIFT and SURF cannot miss.")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"peakmark {__version__}")
+        raise Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, Option("--version", is_eager=True, callback=_print_version, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Markers that SIFT and SURF cannot miss."""
+
+
 for _name, (_, _words) in COMMANDS.items():
-    app.command(_name, help=_words)(lambda: None)
+    app.command(_name, help=_words, short_help=_words)(lambda: None)
 
 
 def main() -> NoReturn:

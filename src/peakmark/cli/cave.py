@@ -4,22 +4,22 @@ from pathlib import Path
 from typing import Annotated, cast
 
 from peaksim.rendering import Renderer
-from rich.console import Console
 from typer import Option
 
+from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples
-from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, print_path, print_table, progress_bar
-from peakmark.experiments.cave import fiducials_results, training_results, walk_results
-from peakmark.experiments.cave.dense_wall_results import compare_walls
+from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
+from peakmark.experiments.cave import fiducials, training, walk_results
+from peakmark.experiments.cave.dense_wall import compare_walls
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
-from peakmark.experiments.cave.evaluation_figures import headline
-from peakmark.experiments.cave.evaluation_results import write_evaluation
+from peakmark.experiments.cave.evaluation_results import headline, write_evaluation
 from peakmark.experiments.cave.fiducials import compare_designs, conditions
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.training import TrainingConfig
 from peakmark.experiments.cave.walk import CaveConfig
 
 
+@examples("python scripts/render_cave.py --out out/cave", "python scripts/render_cave.py --frames 40")
 def render_cave(
     scene: Annotated[str, Option(help="Scene file, or the name of a shipped scene.")] = CaveConfig.scene,
     out: Out = Path("out/cave"),
@@ -37,13 +37,17 @@ def render_cave(
     and result.json; with --frames also frames.csv and walk.mp4.
     """
     config = CaveConfig(scene, cast(Renderer, renderer), seed, frames, samples)
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     with progress_bar(console, "render, detect, decode, score", frames + 1) as bar:
         result = walk_results.run_cave(config, out, bar.advance)
     print_table(console, f"{scene} · {renderer} · seed {seed}", FIGURES, walk_results.result_rows(result))
     print_path(console, out / "report.html")
 
 
+@examples(
+    "python scripts/evaluate_cave.py --rooms 4 --views 3",
+    "python scripts/evaluate_cave.py --split training --workers 2 --out out/tuning",
+)
 def evaluate_cave(
     out: Out = Path("out/cave_evaluation"),
     rooms: Annotated[int, Option(help="Random rooms.")] = EvaluationConfig.rooms,
@@ -60,14 +64,18 @@ def evaluate_cave(
     arguments, or with more rooms, it resumes where it stopped.
     """
     config = EvaluationConfig(rooms, views, cast(Split, split), size, seed)
-    console = Console(quiet=quiet)
-    with progress_bar(console, "render, read, score", rooms) as bar:
+    console = new_console(quiet)
+    with resumable(), progress_bar(console, "render, read, score", rooms) as bar:
         records = evaluate(config, out, workers, bar.show)
     figures = write_evaluation(config, records, out)
     print_table(console, f"{split} rooms · seed {seed}", FIGURES_WITH_INTERVALS, headline(figures))
     print_path(console, out / "report.html")
 
 
+@examples(
+    "python scripts/train_classifier.py --training-rooms 16 --views 3",
+    "python scripts/train_classifier.py --reuse --out out/classifier",
+)
 def train_classifier(
     out: Out = Path("out/classifier"),
     training_rooms: Annotated[int, Option(help="Random rooms to learn from.")] = TrainingConfig.training_rooms,
@@ -85,13 +93,14 @@ def train_classifier(
     Writes classifier.json (the kind that ships), roc.png, training.npz, held_out.npz, report.html and result.json.
     """
     config = TrainingConfig(training_rooms, held_out_rooms, views, seed, layers)
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     with progress_bar(console, "render rooms", training_rooms + held_out_rooms) as bar:
-        result = training_results.run_training(config, out, reuse, bar.advance)
-    print_table(console, "evaluated on held-out rooms", training_results.HEAD, training_results.table_rows(result))
+        result = training.run_training(config, out, reuse, bar.advance)
+    print_table(console, "evaluated on held-out rooms", training.HEAD, training.table_rows(result))
     print_path(console, out / "report.html")
 
 
+@examples("python scripts/dense_wall.py", "python scripts/dense_wall.py --threshold 1000 --out out/dense_wall")
 def dense_wall(
     out: Out = Path("out/dense_wall"),
     scene: Annotated[str, Option(help="Scene with posters called dark, light and mixed.")] = "cave",
@@ -104,11 +113,12 @@ def dense_wall(
     Writes report.html and result.json.
     """
     title, table = compare_walls(scene, threshold, seed, out)
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     print_table(console, title, table.head, table.rows)
     print_path(console, out / "report.html")
 
 
+@examples("python scripts/compare_fiducials.py", "python scripts/compare_fiducials.py --trials 5 --out out/fiducials")
 def compare_fiducials(
     out: Out = Path("out/fiducials"),
     trials: Annotated[int, Option(help="Images a condition and design.")] = 25,
@@ -119,10 +129,10 @@ def compare_fiducials(
 
     Writes rates.png (detection over side, tilt, noise, blur and occlusion), report.html and result.json.
     """
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     with progress_bar(console, "render, detect, score", len(conditions())) as bar:
         rows = compare_designs(trials, seed, bar.advance)
-    fiducials_results.write_comparison(rows, trials, seed, out)
+    fiducials.write_comparison(rows, trials, seed, out)
     title = f"right ids (wrong ones) of {trials} images each · seed {seed}"
-    print_table(console, title, fiducials_results.HEAD, fiducials_results.table_rows(rows))
+    print_table(console, title, fiducials.HEAD, fiducials.table_rows(rows))
     print_path(console, out / "report.html")

@@ -6,18 +6,25 @@ from typing import Annotated
 
 from peaksim.corpus import check_corpus, load_spec, make_corpus
 from peaksim.corpus.backends import Backend, in_process, on_dask, processes
-from rich.console import Console
-from typer import Argument, Exit, Option, Typer
+from peaksim.corpus.check import unchecked_inputs
+from typer import Argument, Exit, Option
 
+from peakmark.cli.command import examples, plain_app, resumable
 from peakmark.cli.options import Dask, Quiet, Workers
-from peakmark.cli.terminal import print_path, progress_bar
+from peakmark.cli.terminal import new_console, notice_if_slow, print_path, progress_bar
 from peakmark.errors import InputError
 from peakmark.report.corpus_page import open_page, save_recording, show_frames
 
-app = Typer(no_args_is_help=True, help="Annotated image sets of any size, rendered with exact truth.")
+COMPILING = "Preparing. The first run on a machine compiles for about a minute; later ones start at once."
+
+app = plain_app(no_args_is_help=True, help="Annotated image sets of any size, rendered with exact truth.")
 
 
 @app.command()
+@examples(
+    "peakmark corpus make scenes/experiments/corpus_small.toml --out out/corpus",
+    "peakmark corpus make mine.toml --frames 1000 --workers 4 --out s3://bucket/name",
+)
 def make(
     spec: Annotated[Path, Argument(help="Specification, such as scenes/experiments/corpus_small.toml.")],
     out: Annotated[str, Option(help="Folder, or fsspec URL such as s3://bucket/name.")] = "out/corpus",
@@ -31,10 +38,19 @@ def make(
 
     CORPUS.md says what a specification states and what the corpus holds.
     """
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     wanted = load_spec(spec, seed=seed, frames=frames)
-    with progress_bar(console, "render", wanted.frames) as bar:
-        made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), bar.advance)
+    title, total = "render", wanted.frames
+    with resumable(), progress_bar(console, title, total) as bar, notice_if_slow(console, COMPILING) as started:
+
+        def count(frames: int) -> None:
+            if frames:
+                started()
+            bar.advance(frames)
+
+        made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), count)
+    for line in made.damaged:
+        console.print(f"made again: {line}", highlight=False, soft_wrap=True)
     gl_renderer = made.configuration.gl_renderer
     drawn_by = made.configuration.renderer + ("" if gl_renderer is None else f" on {gl_renderer}")
     console.print(f"{made.frames} frames, {made.rendered} rendered now, seed {wanted.seed}, renderer {drawn_by}")
@@ -58,20 +74,31 @@ def backend_of(workers: int | None, dask: str | None) -> Backend:
 
 
 @app.command()
-def check(corpus: Annotated[str, Argument(help="Folder or URL of a finished corpus.")], quiet: Quiet = False) -> None:
+@examples("peakmark corpus check out/corpus", "peakmark corpus check s3://bucket/name")
+def check(
+    corpus: Annotated[str, Argument(help="Folder or URL of a finished corpus.")],
+    inputs: Annotated[
+        Path | None, Option(help="Folder of the specification, to compare its files with the hashes in corpus.json.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
     """Verify every file of a corpus; print what is wrong and exit with 1, or say that all is well."""
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     with progress_bar(console, "check") as bar:
-        faults = check_corpus(corpus, bar.advance)
+        faults = check_corpus(corpus, bar.advance, inputs)
         checked = bar.done
     for fault in faults:
-        console.print(fault, markup=False, highlight=False, soft_wrap=True)
+        console.print(fault, highlight=False, soft_wrap=True)
     if faults:
         raise Exit(1)
     console.print(f"{checked} files, all as they were written")
+    if names := unchecked_inputs(corpus, inputs):
+        text = f"Input files that are not here, and were not compared: {', '.join(map(repr, names))} (see --inputs)"
+        console.print(text, highlight=False, soft_wrap=True)
 
 
 @app.command()
+@examples("peakmark corpus show out/corpus", "peakmark corpus show out/corpus --frame 3 --frame 7 --open")
 def show(
     corpus: Annotated[str, Argument(help="Folder or URL of a finished corpus.")],
     frame: Annotated[list[int] | None, Option(help="Frame to show; may be repeated. [default: 12 even steps]")] = None,
@@ -84,6 +111,6 @@ def show(
     page = show_frames(corpus, frame or None, out)
     if rrd is not None:
         save_recording(corpus, frame or None, rrd)
-    print_path(Console(quiet=quiet), page, "Images")
+    print_path(new_console(quiet), page, "Images")
     if view:
         open_page(page)

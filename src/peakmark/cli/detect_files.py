@@ -1,26 +1,32 @@
 """Detection on files: images, folders and films in; key points, overlays and a summary out."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.image_file import MAX_PIXELS, read_image
+from peaksim.image_file import read_image
+from peaksim.whole_file import whole_file
 from PIL import Image
 
+from peakmark.cli import film_file
 from peakmark.detectors.registry import find_detector, settings_of
 from peakmark.errors import ImageError, InputError
+from peakmark.keypoints.keypoints import Keypoints
 from peakmark.report.overlay import draw_keypoints
 from peakmark.report.results import write_json
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp")
 """Name endings that count as images in a folder."""
-FILMS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
-"""Name endings that count as films."""
 FORMATS = (".npz", ".csv", ".json")
 """Name endings of key point files."""
+OVERLAY = ".overlay.png"
+"""Name ending of drawings, which are not read as images beside the key points that they show."""
+RESULT = "result.json"
+"""Name of the summary of a folder or film."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,19 @@ class DetectedFile:
     """Where they were written."""
 
 
+@dataclass(frozen=True)
+class FailedFile:
+    """An image that was left out, or a film that ended early, for the summary."""
+
+    name: str
+    """The file's name, or that of the image as in `DetectedFile`."""
+    reason: str
+    """One line."""
+
+
+OnFailure = Callable[[FailedFile], None]
+
+
 def detect_files(
     source: Path,
     out: Path,
@@ -47,6 +66,8 @@ def detect_files(
     overlay: bool = False,
     ending: str = ".npz",
     on_image: Callable[[DetectedFile], None] = lambda one: None,
+    on_failure: OnFailure = lambda one: None,
+    is_upright: bool = True,
 ) -> list[DetectedFile]:
     """Detect key points in an image, each image of a folder, or each frame of a film.
 
@@ -54,11 +75,14 @@ def detect_files(
     ----------
     source : an image, a folder (its images, by name; no subfolders) or a film.
     out : a file name ending in .npz, .csv or .json if `source` is an image; otherwise a folder, made if missing,
-        which gets NAME.npz for each image and result.json.
+        which gets NAME.npz for each image, each of them whole, and result.json, however the run ends.
     detector, parameters : see `peakmark.detectors`.
     overlay : also draw the key points, into NAME.overlay.png beside them.
     ending : of the files in a folder: .npz, .csv or .json.
     on_image : called after each image.
+    on_failure : called for each image of a folder that cannot be read, which is left out, and for a film that ends
+        early; result.json lists them under "failed".
+    is_upright : apply the rotation that files note for viewers; see `peaksim.image_file`.
 
     Returns
     -------
@@ -67,79 +91,155 @@ def detect_files(
     Raises
     ------
     InputError
-        If the source is missing, unreadable, no image, or too large; or a parameter is not the detector's.
+        If the source is missing, or a single image unreadable, no image, or too large; a parameter is not the
+        detector's; or `out` cannot be written.
     """
     settings = {"detector": detector, **_as_json(settings_of(detector, parameters or {}))}
+    settings |= {} if is_upright else {"raw_orientation": True}
     detect = find_detector(detector)
-    single = out.suffix in FORMATS
-    if single and (source.is_dir() or source.suffix.lower() in FILMS):
+    is_single = out.suffix in FORMATS
+    if is_single and (source.is_dir() or _is_film(source)):
         raise InputError(f"{out}: expected a folder, as {source} holds many images")
     if ending not in FORMATS:
         raise InputError(f"format: expected one of {', '.join(FORMATS)}, got {ending!r}")
-    (out.parent if single else out).mkdir(parents=True, exist_ok=True)
-    records = []
-    for name, image in read_images(source):
-        target = out if single else out / f"{name}{ending}"
-        keypoints = detect(image, **(parameters or {}))
-        keypoints.save(target, settings)
-        if overlay:
-            Image.fromarray(draw_keypoints(image, keypoints)).save(target.with_suffix(".overlay.png"))
-        records.append(DetectedFile(name, image.shape[1], image.shape[0], len(keypoints), str(target)))
-        on_image(records[-1])
-    if not single:
-        result = {"settings": settings, "pictures": [asdict(record) for record in records]}
-        write_json(out / "result.json", result)
-    return records
+    summary = _Summary(settings, [], [])
+    note = summary.failures_to(on_failure)
+    with nullcontext() if is_single else summary.written(out):
+        for name, image in read_images(source, is_upright, note):
+            target = out if is_single else _target(out, name, ending)
+            try:
+                keypoints = detect(image, **(parameters or {}))
+            except InputError as error:
+                if not summary.records:  # the parameters are at fault, not this image
+                    raise
+                note(FailedFile(name, str(error)))
+                continue
+            with _named(out):
+                _save(target, keypoints, settings, draw_keypoints(image, keypoints) if overlay else None)
+            summary.records.append(DetectedFile(name, image.shape[1], image.shape[0], len(keypoints), str(target)))
+            on_image(summary.records[-1])
+    return summary.records
 
 
-def read_images(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
+@dataclass(frozen=True)
+class _Summary:
+    """What result.json holds."""
+
+    settings: dict[str, Any]
+    records: list[DetectedFile]
+    failed: list[FailedFile]
+
+    def failures_to(self, on_failure: OnFailure) -> OnFailure:
+        """Return what notes a failure here and passes it on."""
+
+        def note(one: FailedFile) -> None:
+            self.failed.append(one)
+            on_failure(one)
+
+        return note
+
+    @contextmanager
+    def written(self, out: Path) -> Iterator[None]:
+        """Write result.json when the block ends, however it ends."""
+        try:
+            yield
+        except BaseException:
+            with suppress(InputError):
+                self._write(out)
+            raise
+        self._write(out)
+
+    def _write(self, out: Path) -> None:
+        if self.records or self.failed:
+            with _named(out):
+                out.mkdir(parents=True, exist_ok=True)
+                result = {"settings": self.settings, "pictures": [asdict(record) for record in self.records]}
+                with whole_file(out / RESULT) as path:
+                    write_json(path, result | {"failed": [asdict(one) for one in self.failed]})
+
+
+@contextmanager
+def _named(out: Path) -> Iterator[None]:
+    """Name `out` where files cannot be written there."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"--out {out}: expected a path that can be written: {error.strerror or error}") from error
+
+
+def _save(target: Path, keypoints: Keypoints, settings: dict[str, Any], drawing: NDArray[np.uint8] | None) -> None:
+    """Write key points and their drawing, each of them whole or not at all."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if drawing is not None:
+        with whole_file(target.with_suffix(OVERLAY)) as path:
+            Image.fromarray(drawing).save(path)
+    with whole_file(target) as path:
+        keypoints.save(path, settings)
+
+
+def _target(out: Path, name: str, ending: str) -> Path:
+    target = out / f"{name}{ending}"
+    if target.name == RESULT:
+        raise InputError(f"{name}: expected --format npz or csv, as {RESULT} is the summary's name")
+    return target
+
+
+def _is_film(source: Path) -> bool:
+    return source.suffix.lower() in film_file.ENDINGS
+
+
+def read_images(
+    source: Path, is_upright: bool = True, on_failure: OnFailure | None = None
+) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield name and pixels of an image, of each image of a folder, or of each frame of a film.
+
+    Images of a folder that cannot be read, and the early end of a film, go to `on_failure` where it is given.
 
     Raises
     ------
     InputError
-        If there is nothing to read, an image is damaged, or two images of a folder share a name.
+        If there is nothing to read, two images of a folder share a name, or an image is damaged.
     """
     if source.is_dir():
-        paths = sorted(path for path in source.iterdir() if path.suffix.lower() in IMAGES)
-        names = [path.stem for path in paths]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if not paths or twice:
-            got = f"two called {twice[0]}" if twice else "none"
-            raise InputError(f"{source}: expected a folder of images with different names, got {got}")
-        yield from ((path.stem, read_image(path)) for path in paths)
-    elif source.suffix.lower() in FILMS:
-        yield from ((f"{source.stem}_{index:06d}", frame) for index, frame in enumerate(read_film(source)))
+        for path in _images_in(source):
+            try:
+                if not path.is_file():
+                    raise ImageError(f"{path}: expected a file")
+                image = read_image(path, is_upright=is_upright)
+            except ImageError as error:
+                if on_failure is None:
+                    raise
+                on_failure(FailedFile(path.name, str(error)))
+                continue
+            yield path.stem, image
+    elif _is_film(source):
+        index = -1
+        try:
+            for index, frame in enumerate(film_file.read_film(source, is_upright)):
+                yield f"{source.stem}_{index:06d}", frame
+        except ImageError as error:
+            if on_failure is None or index < 0:
+                raise
+            on_failure(FailedFile(source.name, str(error)))
     else:
-        yield source.stem, read_image(source)
+        yield source.stem, read_image(source, is_upright=is_upright)
 
 
-def read_film(path: Path) -> Iterator[NDArray[np.uint8]]:
-    """Yield the frames of a film's first video stream as (H, W, 3) RGB.
-
-    Raises
-    ------
-    ImageError
-        If the file is missing, no film, damaged, has no frame, or its frames exceed `MAX_PIXELS`.
-    """
-    import av
-
-    count = 0
+def _images_in(folder: Path) -> list[Path]:
+    """Return a folder's images by name, without the drawings that an earlier run left beside its key points."""
     try:
-        with av.open(str(path)) as container:
-            if not container.streams.video:
-                raise ImageError(f"{path}: expected a film, found no video stream")
-            for frame in container.decode(container.streams.video[0]):
-                if frame.width * frame.height > MAX_PIXELS:
-                    raise ImageError(f"{path}: expected at most {MAX_PIXELS} pixels, got {frame.width}×{frame.height}")
-                count += 1
-                yield frame.to_ndarray(format="rgb24")
-    except (OSError, ValueError, av.error.FFmpegError) as error:
-        if isinstance(error, ImageError):
-            raise
-        raise ImageError(f"{path}: expected a film: {getattr(error, 'strerror', None) or error}") from error
-    if not count:
-        raise ImageError(f"{path}: expected a film, found no frame")
+        there = {path.name: path for path in folder.iterdir()}
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read: {error.strerror or error}") from error
+    drawn = {name for name in there if any(f"{name.removesuffix(OVERLAY)}{ending}" in there for ending in FORMATS)}
+    drawn = {name for name in drawn if name.endswith(OVERLAY)}
+    paths = [there[name] for name in sorted(there) if there[name].suffix.lower() in IMAGES and name not in drawn]
+    names = [path.stem for path in paths]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if not paths or twice:
+        got = f"two called {twice[0]}" if twice else "none"
+        raise InputError(f"{folder}: expected a folder of images with different names, got {got}")
+    return paths
 
 
 def _as_json(parameters: dict[str, Any]) -> dict[str, Any]:

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-from rich.console import Console
 from typer import Option
 
+from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Quiet
-from peakmark.cli.terminal import print_path, progress_bar
+from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.experiments.detectability.measure import finished_rows, measure_points, open_journal
 from peakmark.experiments.detectability.points import DetectabilityConfig
 from peakmark.experiments.detectability.results import write_results
@@ -16,6 +16,10 @@ QUICK = {"trials": 8, "every": 4}
 """What --quick sets: about a minute on two cores."""
 
 
+@examples(
+    "python scripts/detectability.py --quick",
+    "python scripts/detectability.py --only scale --detector cv2:ORB --workers 2",
+)
 def detectability(
     out: Annotated[Path, Option(help="Folder for the results; an interrupted run there resumes.")] = Path(
         "out/detectability"
@@ -40,12 +44,12 @@ def detectability(
     config = DetectabilityConfig(
         **amount, seed=seed, only=tuple(only or ()), extra=tuple(detector or ()), is_paper=paper
     )
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     journal = open_journal(config, out)
     if report_only:
         rows = finished_rows(config, journal)
     else:
-        with progress_bar(console, "points") as bar:
+        with resumable(), progress_bar(console, "points") as bar:
             rows = measure_points(config, journal, workers, bar.show)
     write_results(out, config, rows)
     print_path(console, out / "report.html")

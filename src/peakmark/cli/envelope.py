@@ -7,21 +7,28 @@ from typing import Annotated, Any
 
 from peaksim.scene.build import build_camera
 from peaksim.scene.file import read_table
-from rich.console import Console
 from rich.table import Table
 from typer import Option
 
+from peakmark.cli.command import examples
 from peakmark.cli.options import Quiet, UnusedSeed
-from peakmark.cli.terminal import print_path
+from peakmark.cli.terminal import new_console, print_path
 from peakmark.errors import InputError
 from peakmark.experiments.detectability.envelope import REQUIRED, Rates, Reach, distance_m, load_rates, reach, sentence
 from peakmark.report import plots
 from peakmark.report.results import result_folder, write_json
 
+SIDES_M = (0.001, 5.0)
+"""Sides of printed markers: others are lengths in another unit (the largest standard paper, 2A0, is 1.7 m long)."""
+
 _OBLIQUE_DEG = 60
 _SIZE_AND_FOCAL = re.compile(r"(\d+)[x×](\d+)@(\d+(?:\.\d+)?)")
 
 
+@examples(
+    "peakmark envelope --camera 2048x1536@1774 --side-m 0.08",
+    "peakmark envelope --camera scenes/floor.toml --marker sift-dark --detector sift",
+)
 def envelope(
     camera: Annotated[str, Option(help="Scene file or name whose camera to take, or WIDTHxHEIGHT@FOCAL_PX.")] = "floor",
     side_m: Annotated[float, Option(help="Printed side of the marker without border, metres.")] = 0.08,
@@ -36,6 +43,9 @@ def envelope(
 ) -> None:
     """Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates."""
     focal_px = focal_length_px(camera)
+    if not SIDES_M[0] <= side_m <= SIDES_M[1]:
+        expected = f"the printed side in metres, {SIDES_M[0]:g}…{SIDES_M[1]:g}"
+        raise InputError(f"--side-m: expected {expected}, got {side_m:g}; is it in mm or cm?")
     measured = load_rates(marker, detector, noise, rates)
     reaches = reach(measured, focal_px, side_m, required)
     title = f"{marker}, {100 * side_m:g} cm, by {detector}; camera {camera}, noise σ {noise:g}"
@@ -58,7 +68,7 @@ def focal_length_px(camera: str) -> float:
     """
     if match := _SIZE_AND_FOCAL.fullmatch(camera):
         return float(match[3])
-    if "@" in camera:
+    if "@" in camera or re.fullmatch(r"[\d.]+[x×][\d.]+", camera):
         raise InputError(f"--camera: expected a scene or WIDTHxHEIGHT@FOCAL_PX such as 2048x1536@1774, got {camera!r}")
     built = build_camera(read_table(camera)[0].camera)
     return (built.fx + built.fy) / 2
@@ -80,7 +90,7 @@ def _print(title: str, side_m: float, reaches: list[Reach], out: Path) -> None:
     for one in reaches:
         gaps = ", ".join(f"{near:.2f}–{far:.2f} m" for near, far in one.gaps_m)
         table.add_row(f"{one.tilt_deg:g}°", _metres(one.nearest_m), _metres(one.farthest_m), gaps)
-    console = Console()
+    console = new_console()
     console.print(table)
     oblique = [one for one in reaches if one.tilt_deg <= _OBLIQUE_DEG][-1:]
     for one in oblique:

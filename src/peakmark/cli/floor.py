@@ -7,10 +7,11 @@ from peaksim.rendering import Renderer
 from rich.console import Console
 from typer import Option
 
+from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import NoiseSeed, Out, Quiet, Samples
-from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, print_path, print_table, progress_bar
+from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
 from peakmark.errors import InputError
-from peakmark.experiments.floor import flight_report, flight_results, flights_results, still_results
+from peakmark.experiments.floor import flight_report, flight_results, flights_results, still
 from peakmark.experiments.floor.flight import FlightConfig
 from peakmark.experiments.floor.flights import FLIGHTS
 from peakmark.experiments.floor.still import FloorConfig
@@ -18,9 +19,14 @@ from peakmark.experiments.robot import drive_results
 from peakmark.experiments.robot.drive import DriveConfig
 from peakmark.identification.api import Rule
 
+_WITH_RESUME = "the same command with --resume resumes"
 _STAGES = "render, detect, identify, score"
 
 
+@examples(
+    "python scripts/render_floor.py --out out/floor",
+    "python scripts/render_floor.py --scene hall --trajectory stroll --resume --out out/flight",
+)
 def render_floor(
     scene: Annotated[str | None, Option(help="Scene file, or the name of a shipped scene. [default: floor]")] = None,
     out: Out = Path("out/floor"),
@@ -59,7 +65,7 @@ def render_floor(
     result.json; with --frames also frames.csv and flight.mp4. With --trajectory it flies through instead, and writes
     frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and result.json.
     """
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     drawn_by, decided_by = cast(Renderer, renderer), cast(Rule, rule or ("paper" if trajectory is None else "joint"))
     if trajectory is not None:
         flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples)
@@ -73,20 +79,26 @@ def render_floor(
 
 def _render(console: Console, config: FloorConfig, out: Path) -> None:
     with progress_bar(console, _STAGES, config.frames + 1) as bar:
-        result = still_results.run_floor(config, out, lambda done, of: bar.show(done + 1, of + 1))
+        result = still.run_floor(config, out, lambda done, of: bar.show(done + 1, of + 1))
+    for remark in result.remarks:
+        console.print(f"note: {remark}", soft_wrap=True)
     title = f"{config.scene} · {result.renderer} · seed {config.seed}"
-    print_table(console, title, FIGURES, still_results.result_rows(result))
+    print_table(console, title, FIGURES, still.result_rows(result))
 
 
 def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
-    with progress_bar(console, _STAGES) as bar:
+    with resumable(_WITH_RESUME), progress_bar(console, _STAGES) as bar:
         result = flight_results.run_flight(config, out, is_resumed, lambda done, of: bar.show(done + 1, of + 1))
     for remark in result.remarks:
-        console.print(f"note: {remark}")
+        console.print(f"note: {remark}", soft_wrap=True)
     title = f"{config.trajectory} · {result.renderer} · seed {config.seed}"
     print_table(console, title, FIGURES_WITH_INTERVALS, flight_report.result_rows(result))
 
 
+@examples(
+    "python scripts/evaluate_flights.py --first 2 --frames 20",
+    "python scripts/evaluate_flights.py --resume --out out/flights",
+)
 def evaluate_flights(
     out: Annotated[Path, Option(help="Folder for the results; each flight gets a folder in it.")] = Path("out/flights"),
     frames: Annotated[int | None, Option(help="Frames of each flight, from its start. [default: all]")] = None,
@@ -102,13 +114,18 @@ def evaluate_flights(
     """
     if not 1 <= first <= len(FLIGHTS) or seed < 0:
         raise InputError(f"expected --first 1…{len(FLIGHTS)} and --seed 0 or more, got {first} and {seed}")
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     chosen = [(ride, floor, own + seed) for ride, floor, own in FLIGHTS[:first]]
-    result = flights_results.run_flights(out, frames, resume, chosen, console.print)
+    with resumable(_WITH_RESUME):
+        result = flights_results.run_flights(out, frames, resume, chosen, console.print)
     print_table(console, f"{first} flights", FIGURES_WITH_INTERVALS, flights_results.headline(result))
     print_path(console, out / "report.html")
 
 
+@examples(
+    "python scripts/drive_floor.py --paths 3 --out out/drive",
+    "python scripts/drive_floor.py --paths 20 --line-ends 2 --resume",
+)
 def drive_floor(
     paths: Annotated[int, Option(help="Random paths, each driven once.")] = 20,
     length: Annotated[float, Option(help="Length of each, m.")] = 10.0,
@@ -132,12 +149,12 @@ def drive_floor(
     Differential drive with wheel noise and latency; every frame is rendered, markers are found in it with SURF, and
     the wheels follow. Writes paths.csv, top_view.png, drive.mp4 (the first path), report.html and result.json.
     """
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     drawn_by = cast(Renderer, renderer)
     config = DriveConfig(
         paths, length, spacing, line_ends, scene, texture, drawn_by, seed, frames_per_second=rate, samples=samples
     )
-    with progress_bar(console, "drive", paths) as bar:
+    with resumable(_WITH_RESUME), progress_bar(console, "drive", paths) as bar:
         result = drive_results.run_drives(config, out, resume, bar.show)
     title = f"{scene} · {result.renderer} · seed {seed}"
     print_table(console, title, FIGURES_WITH_INTERVALS, drive_results.result_rows(result))

@@ -6,6 +6,8 @@ from typing import Annotated, Any, cast
 
 from typer import Argument, Option
 
+from peakmark.cli.command import examples
+from peakmark.cli.options import UnusedSeed
 from peakmark.errors import InputError
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
@@ -13,11 +15,19 @@ from peakmark.markers.sheet import Page, Print, Tile, array_tile, marker_tile, p
 from peakmark.markers.sheet_files import write
 from peakmark.report.results import result_folder, write_json
 
+SIDE_MM, ARRAY_SIDE_MM = 80.0, 60.0
+"""Default sides of a marker: alone, and in an array, so that both fit A4 with their border."""
 
+
+@examples(
+    "peakmark marker surf --side-mm 80", "peakmark marker array --side-mm 40 --paper a3 --format svg --out sheets"
+)
 def marker(
     kind: Annotated[str, Argument(help="surf, sift, array (all eight 3-bit arrays) or array-0 … array-7")],
     out: Annotated[Path, Option(help="directory for the sheet and result.json")] = Path("out/marker"),
-    side_mm: Annotated[float, Option(help="side of one marker without border")] = 80.0,
+    side_mm: Annotated[
+        float | None, Option(help="side of one marker without border [default: 80; in arrays 60, which fit A4]")
+    ] = None,
     border_mm: Annotated[float, Option(help="white border inside the crop marks")] = 5.0,
     gap_mm: Annotated[float | None, Option(help="between an array's markers; half a side if absent")] = None,
     count: Annotated[int, Option(help="how many of each")] = 1,
@@ -28,12 +38,14 @@ def marker(
     paper: Annotated[str, Option(help="a2 … a5, letter, legal, tabloid or WIDTHxHEIGHT in mm")] = "a4",
     landscape: Annotated[bool, Option("--landscape", help="turn the page")] = False,
     label: Annotated[str, Option(help="text for the small print")] = "",
-    seed: Annotated[int, Option(help="accepted by every command; nothing here is random")] = 0,
+    seed: UnusedSeed = 0,
     quiet: Annotated[bool, Option("--quiet", help="print nothing")] = False,
 ) -> None:
     """Write a print-ready sheet of markers."""
     if limit not in ("energy", "range"):
         raise InputError(f"limit: expected energy or range, got {limit!r}")
+    if side_mm is None:
+        side_mm = ARRAY_SIDE_MM if kind.startswith("array") else SIDE_MM
     tiles = sheet_tiles(kind, side_mm, "light" if light else "dark", cast(Limit, limit), gap_mm, count)
     laid_out = pages(tiles, paper_size(paper, landscape), border_mm, label)
     name = f"{kind if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"

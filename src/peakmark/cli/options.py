@@ -7,7 +7,7 @@ from typer import Option
 
 Out = Annotated[Path, Option(help="Folder for the results; made if missing.")]
 Quiet = Annotated[bool, Option("--quiet", help="Print nothing but errors.")]
-UnusedSeed = Annotated[int, Option(help="Taken by every command; nothing here is random.")]
+UnusedSeed = Annotated[int, Option(hidden=True, help="Taken by every command; nothing here is random.")]
 NoiseSeed = Annotated[int, Option(help="Seed of the sensor noise.")]
 Samples = Annotated[int, Option(help="Paths a pixel of the traced renderer.")]
 RoomsSeed = Annotated[int, Option(help="Seed of rooms, cameras and noise.")]

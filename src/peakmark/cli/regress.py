@@ -4,15 +4,14 @@ from pathlib import Path
 from typing import Annotated
 
 from peaksim.whole_file import write_whole
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
-from typer import Argument, Exit, Option, Typer
+from typer import Argument, Exit, Option
 
+from peakmark.cli.command import examples, plain_app
 from peakmark.cli.corpus import backend_of
 from peakmark.cli.options import Dask, Out, Quiet, Workers, given
-from peakmark.cli.terminal import print_path, progress_bar
-from peakmark.errors import InputError
+from peakmark.cli.terminal import new_console, print_path, progress_bar
+from peakmark.errors import InputError, one_line
 from peakmark.regress.compare import Comparison, compare_records
 from peakmark.regress.metrics import metrics_of
 from peakmark.regress.outputs import cells_of, junit_xml, markdown, number, plain
@@ -23,10 +22,13 @@ from peakmark.regress.suite import load_suite
 from peakmark.report.results import result_folder, write_json
 from peakmark.score.statistics import resample_counts
 
-app = Typer(no_args_is_help=True, help="A detector's figures on rendered fly-throughs, beside accepted ones.")
+app = plain_app(no_args_is_help=True, help="A detector's figures on rendered fly-throughs, beside accepted ones.")
 
 _COLOURS = {"worse": "red", "changed": "red", "better": "green"}
-_DETECTORS = "markers, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function or 'exec:PROGRAM …'"
+_DETECTORS = (
+    "markers, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function (returns points, cv2.KeyPoint, "
+    "Keypoints or Detection), or 'exec:PROGRAM …' (answers in JSON lines); docs/detectors.md says how"
+)
 
 RUN = "run.json"
 IMAGES = "pictures"
@@ -38,6 +40,10 @@ ReportFolder = Annotated[Path, Option(help="Folder for report.html, summary.md, 
 
 
 @app.command("run")
+@examples(
+    "peakmark regress run floor --quick --out out/regress",
+    "peakmark regress run cave --detector mymodule:detect --workers 2",
+)
 def run_detector(
     suite: Annotated[str, Argument(help="floor, cave, a TOML file, or a finished corpus.")] = "floor",
     out: Out = Path("out/regress"),
@@ -47,6 +53,7 @@ def run_detector(
     octaves: Annotated[int | None, Option(help="Octaves. [default: the detector's]")] = None,
     layers: Annotated[int | None, Option(help="Searched layers an octave. [default: the detector's]")] = None,
     time_limit: Annotated[float, Option(help="Seconds for one frame, of a detector in its own process.")] = 10.0,
+    start_limit: Annotated[float, Option(help="Seconds for its start, and once more for its first frame.")] = 60.0,
     quick: Annotated[bool, Option("--quick", help="Fewer frames, in even steps.")] = False,
     seed: Annotated[int | None, Option(help="Of the sensor noise; views stay. [default: the suite's]")] = None,
     workers: Workers = None,
@@ -54,10 +61,13 @@ def run_detector(
     quiet: Quiet = False,
 ) -> None:
     """Render a suite's frames (or read a corpus's), run the detector, score it, and write run.json and images."""
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     opened = load_suite(suite)
     parameters = given(threshold=threshold, octaves=octaves, layers=layers)
-    settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, time_limit_s=time_limit)
+    limits = {"time_limit_s": time_limit, "start_limit_s": start_limit}
+    settings = opened.detector(name=detector, stretch=stretch, parameters=parameters, **limits)
+    if stretch is not None and settings.name != "markers":
+        raise InputError(f"--stretch {stretch:g}: expected none for detector {settings.name}, only markers takes one")
     with result_folder(out) as folder, progress_bar(console, "run", len(opened.frames(quick))) as bar:
         (folder / IMAGES).mkdir()
         backend = backend_of(workers, dask)
@@ -73,7 +83,7 @@ def run_detector(
 def _run_table(done: Run) -> Table:
     record = done.record
     title = f"{record.suite} · {record.detector.name} · {len(record.results)} frames · seed {record.seed}"
-    table = Table("figure", "value", "95 % interval", "unit", title=escape(title))
+    table = Table("figure", "value", "95 % interval", "unit", title=one_line(title))
     counts = resample_counts(len(record.results))
     for metric in metrics_of(record.results, record.tolerances):
         interval = metric.interval(counts)
@@ -85,6 +95,10 @@ def _run_table(done: Run) -> Table:
 
 
 @app.command("accept")
+@examples(
+    "peakmark regress accept out/regress --baseline baseline.json",
+    "peakmark regress accept out/nightly --baseline baselines/floor.json",
+)
 def accept_run(folder: RunFolder, baseline: Baseline, quiet: Quiet = False) -> None:
     """Make a run's figures the baseline that later runs are compared with."""
     text = to_text(read_record(folder / RUN))
@@ -93,15 +107,19 @@ def accept_run(folder: RunFolder, baseline: Baseline, quiet: Quiet = False) -> N
         write_whole(baseline, text)
     except OSError as error:
         raise InputError(f"{baseline}: cannot be written: {error.strerror or error}") from error
-    print_path(Console(quiet=quiet), baseline, "Baseline")
+    print_path(new_console(quiet), baseline, "Baseline")
 
 
 @app.command("compare")
+@examples(
+    "peakmark regress compare out/regress --baseline baseline.json",
+    "peakmark regress compare out/regress --baseline baseline.json --out out/compare --quiet",
+)
 def compare_run(
     folder: RunFolder, baseline: Baseline, out: ReportFolder = Path("out/compare"), quiet: Quiet = False
 ) -> None:
     """Compare a run with the baseline, frame by frame; exit with 1 if anything got worse or changed."""
-    console = Console(quiet=quiet)
+    console = new_console(quiet)
     comparison = compare_records(read_record(folder / RUN), read_record(baseline))
     with result_folder(out) as stage:
         write_page(stage / "report.html", comparison, folder / IMAGES)
@@ -115,11 +133,11 @@ def compare_run(
 
 
 def _comparison_table(comparison: Comparison) -> Table:
-    faults, suite = len(comparison.faults), comparison.after.suite
+    faults, suite = len(comparison.faults), one_line(comparison.after.suite)
     table = Table(
         *("", "figure", "before", "after", "change", "tolerance"),
         title=f"{suite}: {faults} worse or changed" if faults else f"{suite}: no regression",
     )
     for change in comparison.changes:
-        table.add_row(*(escape(text) for text in cells_of(change)), style=_COLOURS.get(change.verdict))
+        table.add_row(*cells_of(change), style=_COLOURS.get(change.verdict))
     return table

@@ -1,15 +1,18 @@
 """What the terminal shows: a bar while a command works, tables of figures, and where the results are."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from peakmark.errors import one_line
 from peakmark.report.page import cell
 
 FIGURES = ("figure", "value")
@@ -17,6 +20,11 @@ FIGURES = ("figure", "value")
 
 FIGURES_WITH_INTERVALS = (*FIGURES, "low", "high", "of")
 """Head of a table of figures with their intervals and the size of the sample."""
+
+
+def new_console(quiet: bool = False) -> Console:
+    """Return what prints on the terminal: text as it is, neither [brackets] nor :colons: are markup."""
+    return Console(quiet=quiet, markup=False, emoji=False)
 
 
 @dataclass(frozen=True)
@@ -45,9 +53,21 @@ class Bar:
 @contextmanager
 def progress_bar(console: Console, title: str, total: int | None = None) -> Iterator[Bar]:
     """Show a bar while the block runs; a total that is not known yet is None."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=console.quiet) as progress:
         yield Bar(progress, progress.add_task(title, total=total))
+
+
+@contextmanager
+def notice_if_slow(console: Console, words: str, after_s: float = 5.0) -> Iterator[Callable[[], None]]:
+    """Print words if so much time passes before the block ends or calls the function that it gets."""
+    timer = Timer(after_s, partial(console.print, words, markup=False, highlight=False))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield timer.cancel
+    finally:
+        timer.cancel()
 
 
 def print_table(console: Console, title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -62,4 +82,4 @@ def print_table(console: Console, title: str, head: Sequence[str], rows: Sequenc
 
 def print_path(console: Console, path: Path | str, title: str = "Results") -> None:
     """Print where something was written, on one line however long it is."""
-    console.print(f"{title}: {path}", soft_wrap=True, markup=False)
+    console.print(f"{title}: {one_line(str(path))}", soft_wrap=True, markup=False)

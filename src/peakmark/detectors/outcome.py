@@ -16,9 +16,8 @@ class Outcome:
     keypoints: Keypoints
     """Strongest first; finite and inside the image."""
     not_finite: int = 0
-    """Key points with nan or inf, left out."""
     outside: int = 0
-    """Key points outside the image, left out."""
+    """Key points with nan or inf, and outside the image, left out."""
     failure: str = ""
     """The exception's type and text, where the detector raised one."""
 

@@ -9,7 +9,7 @@
 | sift-opencv | the same as it comes: key points lie 0.25 px too far right and down |
 | vlfeat | VLFeat's SIFT through pycolmap; the response is its |DoG|, see `peakmark.detectors.vlfeat` |
 | cv2:NAME | any `cv2.Feature2D` that `cv2.NAME_create` makes, such as cv2:ORB; parameters as that function's |
-| module:function | a function of yours that takes the image and any parameters given |
+| module:function | a function of yours: see docs/detectors.md |
 
 What a detector does wrong is counted by `peakmark.detectors.outcome`.
 """
@@ -24,6 +24,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from peaksim.toml_file import suggestion
 
 from peakmark import surf
 from peakmark.detectors.vlfeat import require_vlfeat, vlfeat_sift
@@ -43,8 +44,7 @@ def find_detector(name: str, describe: bool = True) -> Detector:
     Parameters
     ----------
     name : one of `NAMES`, "cv2:NAME", or "module:function" for a function of an importable module. That function gets
-        the image as the caller has it, and returns `Keypoints`, a sequence of `cv2.KeyPoint`, or such a sequence and
-        its descriptors.
+        the image as the caller has it, and returns what `as_keypoints` takes.
     describe : also describe the key points, where the detector can; the user's own function decides for itself.
 
     Raises
@@ -58,8 +58,8 @@ def find_detector(name: str, describe: bool = True) -> Detector:
         return partial(_detect_with, import_function(name))
     if name not in NAMES:
         raise InputError(f"detector: expected one of {', '.join(NAMES)}, cv2:NAME or module:function, got {name!r}")
-    if name == "surf-opencv":
-        _require_opencv_surf()
+    if name == "surf-opencv" and not has_opencv_surf():
+        raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
     if name == "vlfeat":
         require_vlfeat()
 
@@ -83,9 +83,14 @@ def settings_of(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
     InputError
         If the detector is unknown, or does not take one of the parameters.
     """
+    detector = signature(find_detector(name))
     try:
-        call = signature(find_detector(name)).bind(None, **parameters)
+        call = detector.bind(None, **parameters)
     except TypeError as error:
+        known = list(detector.parameters)[1:]
+        if unknown := [key for key in parameters if key not in known]:
+            wrong = f"unknown parameter {unknown[0]}{suggestion(unknown[0], known)}"
+            raise InputError(f"detector {name}: {wrong}, expected some of {', '.join(known)}") from error
         raise InputError(f"detector {name}: {error}") from error
     call.apply_defaults()
     settings = {**call.arguments, **call.kwargs}
@@ -138,10 +143,7 @@ def opencv_sift(
 def opencv_feature(make: Callable[..., Any], describe: bool, image: ArrayLike, **parameters: Any) -> Keypoints:
     """Key points, strongest first, of what `make(**parameters)` gives, a `cv2.Feature2D`; described if it can.
 
-    Raises
-    ------
-    InputError
-        If OpenCV does not take the parameters.
+    Parameters that OpenCV does not take are an `InputError`.
     """
     cv2 = _opencv()
     try:
@@ -153,10 +155,12 @@ def opencv_feature(make: Callable[..., Any], describe: bool, image: ArrayLike, *
 
 
 def _run_opencv(detector: Any, gray: NDArray[np.uint8], describe: bool, length: int) -> Keypoints:
-    if not describe:
-        return Keypoints.from_opencv(detector.detect(gray, None))
-    points, descriptors = detector.detectAndCompute(gray, None)
-    return Keypoints.from_opencv(points, np.zeros((0, length), np.float32) if descriptors is None else descriptors)
+    points, descriptors = detector.detectAndCompute(gray, None) if describe else (detector.detect(gray, None), None)
+    if describe and descriptors is None:
+        descriptors = np.zeros((0, length), np.float32)
+    keypoints = Keypoints.from_opencv(points, descriptors)
+    is_surf = hasattr(detector, "getHessianThreshold")  # the class ids of others are −1, or count something else
+    return keypoints if is_surf else keypoints.with_columns(laplacian=np.zeros(len(keypoints)))
 
 
 def _strongest_first(keypoints: Keypoints) -> Keypoints:
@@ -166,11 +170,6 @@ def _strongest_first(keypoints: Keypoints) -> Keypoints:
 def _opencv() -> Any:
     """Return cv2, whose type stubs leave out some detectors."""
     return cv2
-
-
-def _require_opencv_surf() -> None:
-    if not has_opencv_surf():
-        raise InputError("detector surf-opencv: this OpenCV was built without SURF; surf gives the same key points")
 
 
 def _opencv_maker(name: str) -> Callable[..., Any]:
@@ -189,13 +188,7 @@ def _opencv_maker(name: str) -> Callable[..., Any]:
 
 
 def import_function(name: str) -> Callable[..., Any]:
-    """Return the function of "module:function".
-
-    Raises
-    ------
-    InputError
-        If it cannot be imported.
-    """
+    """Return the function of "module:function"; one that cannot be imported is an `InputError`."""
     module_name, _, function_name = name.partition(":")
     try:
         function: Callable[..., Any] = getattr(import_module(module_name), function_name)
@@ -213,17 +206,56 @@ def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters
 def as_keypoints(found: Any) -> Keypoints:
     """Return what a user's function found as `Keypoints`.
 
+    Parameters
+    ----------
+    found
+        - `Keypoints`: every column as it is.
+        - An (n, 2) array, or a list of (x, y) pairs: positions, strongest first; the other columns are unknown.
+        - A sequence of `cv2.KeyPoint`, or a pair of such a sequence and its (n, d) descriptors. Its class ids tell
+          polarity, as those of OpenCV's SURF, if one of them is +1: −1 alone is what a `cv2.KeyPoint` has by default.
+
     Raises
     ------
     InputError
-        If it is none of the kinds that `find_detector` names.
+        If it is none of them.
     """
     if isinstance(found, Keypoints):
         return found
-    if isinstance(found, tuple) and len(found) == 2 and not hasattr(found[0], "pt"):
-        return Keypoints.from_opencv(*found)
-    if isinstance(found, Sequence) and all(hasattr(point, "pt") for point in found):
-        return Keypoints.from_opencv(found)
+    points, descriptors = found, None
+    if isinstance(found, tuple) and len(found) == 2 and not hasattr(found[0], "pt") and not _are_pairs(found):
+        points, descriptors = found
+    if isinstance(points, Sequence) and all(hasattr(point, "pt") for point in points):
+        return with_stated_polarity(Keypoints.from_opencv(points, descriptors))
+    if descriptors is None and _are_pairs(points):
+        xy = np.asarray(points, dtype=np.float32).reshape(-1, 2)
+        none = np.zeros(len(xy))
+        return Keypoints(xy, none, none - 1, none, none, none, none)  # type: ignore[arg-type]
     raise InputError(
-        f"detector: expected Keypoints, cv2.KeyPoint objects, or those and descriptors, got {type(found).__name__}"
+        "detector: expected Keypoints, an (n, 2) array of points, or cv2.KeyPoint objects, alone or with descriptors, "
+        f"got {_described(found)}"
     )
+
+
+def _are_pairs(points: Any) -> bool:
+    """Whether points are an array or sequence of (x, y)."""
+    if not isinstance(points, np.ndarray | Sequence) or isinstance(points, str | bytes):
+        return False
+    try:
+        array = np.asarray(points)
+    except ValueError:  # of rows that differ in length
+        return False
+    return array.size == 0 or (array.ndim == 2 and array.shape[1] == 2 and array.dtype.kind in "iuf")
+
+
+def _described(found: Any) -> str:
+    if isinstance(found, np.ndarray):
+        return f"an array of {found.dtype} and shape {found.shape}"
+    kinds = {type(part).__name__ for part in found[:1000]} if isinstance(found, list | tuple) else set()
+    return type(found).__name__ + (f" of {', '.join(sorted(kinds))}" if kinds else "")
+
+
+def with_stated_polarity(keypoints: Keypoints) -> Keypoints:
+    """Return OpenCV's key points without the polarity that none of them states: their class id is −1 by default."""
+    if (keypoints.laplacian == 1).any():
+        return keypoints
+    return keypoints.with_columns(laplacian=np.zeros(len(keypoints)))

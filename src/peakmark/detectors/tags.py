@@ -41,15 +41,7 @@ class Tag:
 def tag_detector(dictionary: str) -> Callable[[NDArray[np.uint8]], list[Tag]]:
     """Return a function that lists the tags of a (H, W) image, in OpenCV's order.
 
-    Parameters
-    ----------
-    dictionary
-        OpenCV's name of the tags, such as "DICT_4X4_50" or "DICT_APRILTAG_36h11".
-
-    Raises
-    ------
-    InputError
-        If OpenCV has no such dictionary.
+    `dictionary` is OpenCV's name of the tags, see `tag_dictionary`.
     """
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -65,12 +57,9 @@ def tag_detector(dictionary: str) -> Callable[[NDArray[np.uint8]], list[Tag]]:
 
 
 def tag_dictionary(name: str) -> Any:
-    """Return one of OpenCV's dictionaries of tags.
+    """Return one of OpenCV's dictionaries of tags, such as "DICT_4X4_50" or "DICT_APRILTAG_36h11".
 
-    Raises
-    ------
-    InputError
-        If there is none of that name.
+    One that OpenCV does not have is an `InputError`.
     """
     number = getattr(cv2.aruco, name, None) if name.startswith("DICT_") else None
     if number is None:

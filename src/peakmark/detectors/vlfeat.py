@@ -15,13 +15,7 @@ _MAX_KEYPOINTS = 1_000_000
 
 
 def require_vlfeat() -> Any:
-    """Return the module pycolmap.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
+    """Return the module pycolmap; an `InputError` says how to install it."""
     try:
         import pycolmap
     except ImportError as error:
@@ -33,24 +27,10 @@ def require_vlfeat() -> Any:
 def vlfeat_sift(
     image: ArrayLike, threshold: float = 0.02 / 3, strongest: int | None = None, *, describe: bool = True
 ) -> Keypoints:
-    """VLFeat's SIFT, strongest first, one orientation a key point.
+    """VLFeat's SIFT, strongest first, one orientation a key point, with (n, 128) descriptors unless told otherwise.
 
-    Parameters
-    ----------
-    image : as `peakmark.keypoints.image.as_gray`.
-    threshold : smallest |DoG| of a candidate, grey levels 0…1; pycolmap's default.
-    strongest : keep only so many key points.
-    describe : with (n, 128) descriptors.
-
-    Returns
-    -------
-    Keypoints
-        `size` is 2 σ, `response` the |DoG| at the key point and `laplacian` its sign; see `signed_by_dog`.
-
-    Raises
-    ------
-    InputError
-        If pycolmap is not installed.
+    `threshold` is the smallest |DoG| of a candidate, grey levels 0…1 (pycolmap's default). Of the key points `size` is
+    2 σ, `response` the |DoG| there and `laplacian` its sign; see `signed_by_dog`. Needs pycolmap (`require_vlfeat`).
     """
     pycolmap = require_vlfeat()
     gray = as_gray(image)

@@ -29,14 +29,7 @@ class Journal:
     def open(cls, out: str | Path, configuration: Mapping[str, Any], is_resumed: bool = True) -> Self:
         """Read what an earlier run into `out` left, or begin anew where there is nothing, or it is not to be resumed.
 
-        Parameters
-        ----------
-        out
-            Folder; made if missing.
-        configuration
-            Plain values that decide what the records hold.
-        is_resumed
-            False forgets what is there.
+        `out` is made if missing; the configuration is plain values that decide what the records hold.
 
         Raises
         ------

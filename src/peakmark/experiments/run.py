@@ -11,6 +11,7 @@ from typing import Any
 from peaksim.corpus.backends import in_process, processes
 
 from peakmark.experiments.journal import Journal
+from peakmark.plain import to_plain
 
 OnStep = Callable[[int, int], None]
 """Called with the numbers of finished and of all items: once before the first, and after each that is done."""
@@ -23,21 +24,10 @@ def run_items(
     workers: int = 1,
     on_step: OnStep = lambda done, of: None,
 ) -> list[Any]:
-    """Return the records of all items, in the order of their names.
+    """Return the records of all items, in the order of their names, each of which stands once.
 
-    Parameters
-    ----------
-    journal
-        Keeps each record as soon as there is one.
-    names
-        Of the items, each once.
-    work
-        Makes a record, plain values, from an index into `names`; one that any process can import where `workers` is
-        not 1.
-    workers
-        Processes; 1 works in this one.
-    on_step
-        Called with the numbers of finished and of all items.
+    `work` makes a record from an index into `names`, in so many processes (1 is this one; for more, any process must be
+    able to import it). The journal keeps each, as plain values, as soon as there is one.
 
     Raises
     ------
@@ -56,4 +46,4 @@ def run_items(
 
 
 def _numbered(work: Callable[[int], Any], index: int) -> tuple[int, Any]:
-    return index, work(index)
+    return index, to_plain(work(index))

@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.identification.detection import (
     SIDE_OF_SCALE,
     Detection,
@@ -21,7 +21,7 @@ from peakmark.identification.stretch import Stretch, stretched, unstretched
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity
+from peakmark.markers.patterns import Polarity, check_pattern
 from peakmark.refine.api import refine
 
 Rule = Literal["joint", "paper"]
@@ -68,11 +68,13 @@ def identify(
     Raises
     ------
     InputError
-        If the stretch is not in 0.25…8, polarity or rule is unknown, both polarities are asked for with another rule
-        or limit than the default, or the image is not one that `surf.detect` takes.
+        If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities are asked for with another
+        rule or limit than the default, or the image is not one that `surf.detect` takes.
     """
     if polarity not in ("dark", "light", "both"):
         raise InputError(f"polarity: expected dark, light or both, got {polarity!r}")
+    check_choice(rule, get_args(Rule), "rule")
+    check_choice(limit, get_args(Limit), "limit")
     gray = as_gray(image)
     if polarity == "both":
         if (rule, limit) != ("joint", "energy"):
@@ -110,8 +112,8 @@ def identify_features(
     refine: bool = True,
 ) -> Identification:
     """Return which of an image's features, strongest first and with descriptors, are markers; see `identify`."""
-    if rule not in get_args(Rule):
-        raise InputError(f"rule: expected one of {', '.join(get_args(Rule))}, got {rule!r}")
+    check_choice(rule, get_args(Rule), "rule")
+    check_pattern(polarity, limit)
     assert features.descriptors is not None
     distances = signature_distances(features.descriptors, polarity)
     if rule == "paper":
@@ -129,10 +131,11 @@ def refine_detections(
     gray: NDArray[np.uint8], detections: tuple[Detection, ...], limit: Limit = "energy"
 ) -> tuple[Detection, ...]:
     """Return detections of one polarity with refined centre, size and affinity, where the pattern can be aligned."""
+    check_choice(limit, get_args(Limit), "limit")
     if not detections:
         return ()
     sides = [SIDE_OF_SCALE * max(detection.size, 2.0) for detection in detections]
-    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(detections[0].polarity, limit))
+    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(detections[0].polarity or "dark", limit))
     return tuple(
         replace(
             detection,

@@ -13,8 +13,10 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.text_file import read_text
 
 from peakmark.errors import InputError
+from peakmark.plain import from_plain
 
 COLUMNS = ("log_response", "vis_distance", "log_size", "quotient")
 """What is known of a key point: log₁₀ of the response, VIS distance, log₁₀ of the scale in px, and the response over
@@ -23,6 +25,16 @@ the largest that an image of the same contrast could give (`evidence.response_qu
 SHIPPED = Path(__file__).with_name("classifier.json")
 
 _LARGEST_FILE = 1_000_000  # bytes
+
+
+@dataclass(frozen=True)
+class Layer:
+    """An affine layer."""
+
+    weights: NDArray[np.float64]
+    """(inputs, outputs)."""
+    offsets: NDArray[np.float64]
+    """(outputs,)."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +47,8 @@ class Classifier:
     """(c,) subtracted from the columns."""
     scale: NDArray[np.float64]
     """(c,) by which they are divided then."""
-    layers: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...]
-    """Weights (inputs, outputs) and offsets (outputs,); the last has one output."""
+    layers: tuple[Layer, ...]
+    """In order; the last has one output."""
     threshold: float
     """Scores above it are markers."""
 
@@ -44,24 +56,12 @@ class Classifier:
         """Return (n,) log odds of (n, len(COLUMNS)) evidence."""
         chosen = [COLUMNS.index(name) for name in self.columns]
         values = (evidence[:, chosen] - self.mean) / self.scale
-        for weights, offsets in self.layers[:-1]:
-            values = np.tanh(values @ weights + offsets)
-        weights, offsets = self.layers[-1]
-        return np.asarray(values @ weights + offsets)[:, 0]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain values."""
-        layers = [{"weights": w.tolist(), "offsets": b.tolist()} for w, b in self.layers]
-        return {
-            "columns": list(self.columns),
-            "mean": self.mean.tolist(),
-            "scale": self.scale.tolist(),
-            "layers": layers,
-            "threshold": self.threshold,
-        }
+        for layer in self.layers[:-1]:
+            values = np.tanh(values @ layer.weights + layer.offsets)
+        return np.asarray(values @ self.layers[-1].weights + self.layers[-1].offsets)[:, 0]
 
     @classmethod
-    def from_json(cls, content: Any) -> Self:
+    def from_plain(cls, content: Any) -> Self:
         """Build a classifier from plain values; keys that it does not know are ignored.
 
         Raises
@@ -70,13 +70,7 @@ class Classifier:
             If a key is missing, a column unknown, a number not finite, or the shapes do not chain.
         """
         try:
-            columns = tuple(str(name) for name in content["columns"])
-            mean, scale = (np.array(content[key], dtype=np.float64) for key in ("mean", "scale"))
-            layers = tuple(
-                (np.array(layer["weights"], dtype=np.float64), np.array(layer["offsets"], dtype=np.float64))
-                for layer in content["layers"]
-            )
-            classifier = cls(columns, mean, scale, layers, float(content["threshold"]))
+            classifier = from_plain(cls, {**content, "threshold": float(content["threshold"])})
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"classifier: expected columns, mean, scale, layers and threshold: {error!r}") from error
         _check(classifier)
@@ -90,7 +84,8 @@ def _check(classifier: Classifier) -> None:
     width = len(classifier.columns)
     numbers = [classifier.mean, classifier.scale, np.array(classifier.threshold)]
     fits = classifier.mean.shape == classifier.scale.shape == (width,)
-    for weights, offsets in classifier.layers:
+    for layer in classifier.layers:
+        weights, offsets = layer.weights, layer.offsets
         fits = fits and weights.ndim == 2 and weights.shape[0] == width and offsets.shape == weights.shape[1:]
         numbers += [weights, offsets]
         width = weights.shape[-1] if weights.ndim else 0
@@ -101,23 +96,13 @@ def _check(classifier: Classifier) -> None:
 
 
 def load_classifier(path: str | Path) -> Classifier:
-    """Read a classifier from a JSON file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is larger than 1 MB, or is no classifier.
-    """
+    """Read a classifier from a JSON file of at most 1 MB; one that cannot be read or is none is an `InputError`."""
     try:
-        if Path(path).stat().st_size > _LARGEST_FILE:
-            raise InputError(f"{path}: expected a classifier of at most {_LARGEST_FILE} bytes")
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
+        content = json.loads(read_text(Path(path), _LARGEST_FILE))
+    except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON: {error}") from error
     try:
-        return Classifier.from_json(content)
+        return Classifier.from_plain(content)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 

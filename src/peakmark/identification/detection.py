@@ -1,13 +1,15 @@
 """What identification returns: detections, and everything that was found in one image."""
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from peakmark.errors import check_choice
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity
+from peakmark.markers.patterns import Polarity, check_pattern
 
 SIDE_OF_SCALE = 1.09
 """Side of a marker over its SURF scale, in the median: the filter that answers most is a little smaller."""
@@ -23,8 +25,8 @@ class Detection:
     """(2,) centre in the given image, px, pixel centres at integers; refined where `affinity` is given."""
     size: float
     """Side of the pattern in the given image (square root of its area), px."""
-    polarity: Polarity
-    """"dark" or "light" centre."""
+    polarity: Polarity | None
+    """"dark" or "light" centre; None only from a user's detector that does not tell."""
     response: float
     """Determinant of the Hessian."""
     signature_distance: float
@@ -51,11 +53,13 @@ class Identification:
 
 def pattern_name(polarity: Polarity, limit: Limit) -> str:
     """Return what `peakmark.refine` calls the SURF marker of a polarity and limit."""
+    check_pattern(polarity, limit)
     return f"surf-{polarity}" if limit == "energy" else f"surf-range-{polarity}"
 
 
 def is_polarity(features: Keypoints, polarity: Polarity) -> NDArray[np.bool_]:
     """Return (n,) whether features have a dark or light centre: OpenCV's class_id is +1 for a dark one."""
+    check_choice(polarity, get_args(Polarity), "polarity")
     return np.asarray(features.laplacian == (1 if polarity == "dark" else -1))
 
 

@@ -19,16 +19,8 @@ def aligned_evidence(
 ) -> NDArray[np.float64]:
     """Return (n, 4) columns: quotient, signature distance, −log of the unexplained share, blur in sides.
 
-    Parameters
-    ----------
-    quotients
-        (n,) see `response_quotients`.
-    distances
-        (n,) signature distances.
-    refined
-        The alignment of each; one that did not converge explains nothing, and its blur counts as a side.
-    least_unexplained
-        Unexplained shares below this count as this.
+    An alignment that did not converge explains nothing, and its blur counts as a side. Unexplained shares below
+    `least_unexplained` count as this.
     """
     unexplained = np.maximum(1 - refined.explained, least_unexplained)
     with np.errstate(invalid="ignore"):

@@ -47,10 +47,8 @@ class SearchResult:
     """(n, c) columns, see `classifier.COLUMNS`."""
     scores: NDArray[np.float64]
     """(n,) the classifier's."""
-    candidates: NDArray[np.intp]
-    """(k,) rows of the features above the operating point, best first, after non-maximum suppression."""
     detections: tuple[Detection, ...]
-    """The candidates that the printed pattern explains, strongest first; `rank` − 1 is the row of the feature."""
+    """Those above the operating point that the printed pattern explains, strongest first; their row is `rank` − 1."""
 
 
 @dataclass(frozen=True)
@@ -94,20 +92,8 @@ def find_markers(
 
     At most `LONGEST_LIST` features above the oblique line are aligned, the promising ones first, and again from other
     sizes where that does not converge. Features on a marker already found are passed over: most are its corners and
-    ghosts.
-
-    Parameters
-    ----------
-    gray
-        (H, W) uint8, unstretched.
-    features
-        Strongest first, in the coordinates of `gray`.
-    distances
-        (n,) signature distances.
-    stretch
-        With which the features were found.
-    polarity, limit
-        Of the printed markers.
+    ghosts. The features come strongest first, in the coordinates of the unstretched image, with the stretch under which
+    they were found and their (n,) signature distances.
     """
     quotients = response_quotients(gray, features, stretch)
     likelihoods = quotients - model.SIGNATURE_SLOPE * (distances - 0.3)
@@ -142,13 +128,7 @@ def are_covered(xy: NDArray[np.float32], found: Sequence[Detection]) -> NDArray[
 
 
 def search_image(gray: NDArray[np.uint8], classifier: Classifier | None = None) -> SearchResult:
-    """Return the dark and light markers of a grey image (H, W), any number of each.
-
-    Raises
-    ------
-    InputError
-        If the image is not one that `surf.detect` takes.
-    """
+    """Return the dark and light markers of a grey image (H, W), any number of each."""
     return search_features(gray, detect_features(gray), classifier)
 
 
@@ -177,7 +157,7 @@ def search_features(gray: NDArray[np.uint8], features: Keypoints, classifier: Cl
         refined = refine(gray, features.xy[own], SIDE_OF_SCALE * features.scale[own], pattern_name(polarity, "energy"))
         candidates = Candidates(own, evidence[own, QUOTIENT], evidence[own, DISTANCE], refined)
         found += accepted(features, candidates, model.BOTH, polarity)
-    return SearchResult(features, evidence, scores, rows, one_a_marker(found))
+    return SearchResult(features, evidence, scores, one_a_marker(found))
 
 
 def accepted(

@@ -24,19 +24,10 @@ _REFERENCE_IMAGE_PX = 513
 
 
 def signature_distances(descriptors: NDArray[np.float32], polarity: Polarity | None = "dark") -> NDArray[np.float32]:
-    """Return each descriptor's Euclidean distance from the ideal marker's signature.
+    """Return the Euclidean distances of (n, 64) descriptors from the ideal marker's signature.
 
-    Parameters
-    ----------
-    descriptors
-        (n, 64) SURF descriptors.
-    polarity
-        Of the reference; None compares the version-independent signature (VIS), common to both.
-
-    Raises
-    ------
-    InputError
-        If the descriptors are not 64 long (the extended ones have other cells).
+    Without a polarity the version-independent signature (VIS) is compared, which is common to both. Extended
+    descriptors have other cells, and are refused with an `InputError`.
     """
     if descriptors.ndim != 2 or descriptors.shape[1] != 64:
         raise InputError(f"descriptors: expected (n, 64), got {descriptors.shape}")

@@ -25,10 +25,7 @@ Stretch = float | NDArray[np.float64]
 def stretched(gray: NDArray[np.uint8], stretch: Stretch) -> NDArray[np.uint8]:
     """Return the image stretched vertically to the nearest whole height, bilinear.
 
-    Raises
-    ------
-    InputError
-        If a factor is not in 0.25…8, or there is not one a row.
+    A factor that is not in 0.25…8, or factors that are not one a row, are an `InputError`.
     """
     factor = _check(stretch, gray.shape[0])
     if np.ndim(factor) == 0:
@@ -52,19 +49,10 @@ def unstretched(features: Keypoints, stretch: Stretch, height: int) -> Keypoints
 
 
 def floor_stretch(camera: Camera, pitch_deg: float) -> NDArray[np.float64]:
-    """Return the (H,) stretch of each row under which the markers of a floor look square.
+    """Return the (H,) stretch of each row under which the markers of a floor look square to a camera without roll.
 
-    Parameters
-    ----------
-    camera
-        Without roll.
-    pitch_deg
-        How far it looks down from the horizon, degrees.
-
-    Returns
-    -------
-    Width over height of a small square on the floor, in the column of the principal point; at most 4, and 1 above
-    the horizon.
+    Width over height of a small square on the floor, in the column of the principal point; at most 4, and 1 above the
+    horizon. `pitch_deg` is how far the camera looks down from the horizon.
     """
     positions = np.column_stack([np.full(camera.height, camera.cx), np.arange(camera.height)])
     down = np.array([0, np.cos(np.radians(pitch_deg)), np.sin(np.radians(pitch_deg))])

@@ -16,18 +16,8 @@ def suppress_non_maxima(
 ) -> NDArray[np.intp]:
     """Return the rows, best first, that do not lie within `APART` sides of a better one that is returned.
 
-    Parameters
-    ----------
-    xy
-        (n, 2) centres, px.
-    sides
-        (n,) px.
-    worth
-        (n,) larger is better; of equals the first.
-    by_larger
-        Count in sides of the larger of the two; otherwise in those of the better one.
-    like_size
-        Largest ratio of two sides at which one suppresses the other.
+    Of (n, 2) centres and (n,) sides, px, and their worth (of equals the first is better). The sides are those of the
+    larger of the two, or else of the better one; two whose ratio exceeds `like_size` do not suppress each other.
     """
     order = np.argsort(-worth, kind="stable")
     points, lengths = np.asarray(xy[order], dtype=np.float64), np.asarray(sides[order], dtype=np.float64)

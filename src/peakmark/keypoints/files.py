@@ -113,7 +113,7 @@ def _csv_bytes(columns: Columns, settings: str) -> bytes:
 
 
 def _from_csv(data: bytes) -> dict[str, Any]:
-    first, _, rest = data.decode().partition("\n")
+    first, _, rest = data.decode("utf-8-sig").partition("\n")
     header, *rows = list(csv.reader(io.StringIO(rest)))
     values = np.array(rows, dtype=np.float64).reshape(len(rows), len(header))
     table = dict(zip(header, values.T, strict=True))

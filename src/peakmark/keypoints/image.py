@@ -5,6 +5,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from peaksim.image_file import to_8_bits
 
 from peakmark.errors import InputError
 
@@ -38,7 +39,7 @@ def _as_uint8(pixels: NDArray[Any]) -> NDArray[np.uint8]:
     if pixels.dtype == np.uint8:
         return pixels
     if pixels.dtype == np.uint16:
-        return ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
+        return to_8_bits(pixels)
     if not np.issubdtype(pixels.dtype, np.floating):
         raise InputError(f"image: expected dtype uint8, uint16 or floating point, got {pixels.dtype}")
     lowest, highest = pixels.min(), pixels.max()

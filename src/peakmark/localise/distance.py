@@ -46,21 +46,10 @@ def distances_at_height(solid_angle_sr: ArrayLike, side_m: float, height_m: floa
 
 
 def distances_of_shapes(camera: Camera, xy: ArrayLike, affinity: ArrayLike, side_m: float) -> tuple[Values, Values]:
-    """Return (n,) distances, m, and (n,) tilts, degrees, from refined markers.
+    """Return (n,) distances, m, and (n,) tilts, degrees, from refined markers at (n, 2) px of (n, 2, 2) px per side.
 
     Seen from the camera centre the marker's sides span angles whose largest singular value is s / d, the direction
     that is not foreshortened, and whose smallest is s cos θ / d.
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    xy
-        (n, 2) centres, px.
-    affinity
-        (n, 2, 2) derivatives of the image point by the marker's coordinates, px per side.
-    side_m
-        Side of the printed pattern, metres.
     """
     angles = ray_slopes(camera, xy) @ np.asarray(affinity, dtype=np.float64).reshape(-1, 2, 2)
     largest, smallest = np.linalg.svd(angles, compute_uv=False).T

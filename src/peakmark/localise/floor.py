@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose
+from peaksim.geometry.pose import Pose, compose, rigid
 from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, ray_slopes, solid_angles, unit_rays
@@ -37,7 +37,8 @@ class Floor:
 
 def floor_of_pose(world_from_camera: Pose) -> Floor:
     """Return the plane z = 0 of the world."""
-    return Floor(world_from_camera[2, :3].copy(), float(world_from_camera[2, 3]))
+    pose = rigid(world_from_camera, "world_from_camera")
+    return Floor(pose[2, :3].copy(), float(pose[2, 3]))
 
 
 def on_floor(floor: Floor, rays: NDArray[np.float64]) -> Values:
@@ -53,14 +54,8 @@ def floor_from_areas(camera: Camera, xy: ArrayLike, side_px: ArrayLike, side_m: 
     """Return the floor from where the markers are and how large, without their shapes; None if that cannot tell.
 
     A marker's solid angle is ω = s² |n·r|³ / h², so that (ω/s²)^⅓ = −(n / h^⅔)·r is linear in n / h^⅔. Needs three
-    markers whose rays do not lie in a plane.
-
-    Parameters
-    ----------
-    camera, xy, side_m
-        As in `floor_from_shapes`.
-    side_px
-        (n,) square root of each marker's image area, such as SURF's scale.
+    markers, at (n, 2) px, whose rays do not lie in a plane; `side_px` are the square roots of their image areas, such
+    as SURF's scales.
     """
     rays = unit_rays(camera, xy)
     spread = np.linalg.svd(rays, compute_uv=False)
@@ -76,20 +71,10 @@ def floor_from_areas(camera: Camera, xy: ArrayLike, side_px: ArrayLike, side_m: 
 def floor_from_shapes(camera: Camera, xy: ArrayLike, affinity: ArrayLike, side_m: float) -> Floor | None:
     """Return the floor that explains the shapes of refined markers best; None without markers.
 
-    Each marker alone allows two planes, mirrored at its ray; the markers together choose. Markers that lie elsewhere
-    (on a wall) or have a wrong shape weigh little (Cauchy loss). A single marker's two planes are told apart only by
-    the camera not being rolled by more than 90°: the plane whose normal points up in the image is taken.
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    xy
-        (n, 2) centres, px.
-    affinity
-        (n, 2, 2) px per side.
-    side_m
-        Side of the printed pattern, metres.
+    They lie at (n, 2) px and span (n, 2, 2) px per side, which is `side_m` long. Each marker alone allows two planes,
+    mirrored at its ray; the markers together choose. Markers that lie elsewhere (on a wall) or have a wrong shape weigh
+    little (Cauchy loss). A single marker's two planes are told apart only by the camera not being rolled by more than
+    90°: the plane whose normal points up in the image is taken.
     """
     rays = unit_rays(camera, xy)
     if len(rays) == 0:

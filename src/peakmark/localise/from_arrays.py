@@ -13,7 +13,7 @@ from peaksim.camera.camera import Camera
 
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
-from peakmark.localise.pose import SIGMA_PX, Correspondences, PoseEstimate, estimate_pose
+from peakmark.localise.pose import Correspondences, PoseEstimate, estimate_pose
 
 
 @dataclass(frozen=True)
@@ -28,35 +28,20 @@ class Place:
     """Side of a marker."""
 
 
-def pose_from_arrays(
-    camera: Camera, arrays: Sequence[MarkerArray], places: Mapping[int, Place], sigma_px: float = SIGMA_PX
-) -> PoseEstimate | None:
+def pose_from_arrays(camera: Camera, arrays: Sequence[MarkerArray], places: Mapping[int, Place]) -> PoseEstimate | None:
     """Return the camera's pose from every array with a code that is on the map; None without any.
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    arrays
-        Decoded arrays, their markers refined (`Detection.affinity`); those without a code are left out.
-    places
-        Code → where it is.
-    sigma_px
-        Error of a centre, and of a shape at the ends of its sides.
-
-    Raises
-    ------
-    InputError
-        If a marker has no affinity, or a place another number of markers than its array.
+    `places` says where each code is. The arrays' markers must be refined (`Detection.affinity`), and as many as their
+    place has; else an `InputError`.
     """
     known = [(array, places[array.code]) for array in arrays if array.code is not None and array.code in places]
     if not known:
         return None
-    seen = _correspondences(known, sigma_px)
+    seen = _correspondences(known)
     return estimate_pose(camera, seen, *_corners(known, seen))
 
 
-def _correspondences(known: Sequence[tuple[MarkerArray, Place]], sigma_px: float) -> Correspondences:
+def _correspondences(known: Sequence[tuple[MarkerArray, Place]]) -> Correspondences:
     found = [d for array, _ in known for d in array.detections]
     centers = [place.centers_m for _, place in known]
     if any(d.affinity is None for d in found):
@@ -69,7 +54,6 @@ def _correspondences(known: Sequence[tuple[MarkerArray, Place]], sigma_px: float
         centers_m=np.concatenate(centers),
         tangents_m=np.concatenate(tangents),
         affinity=np.array([d.affinity for d in found]),
-        sigma_px=sigma_px,
     )
 
 

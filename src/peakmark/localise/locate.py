@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rotation_about, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rigid, rotation_about, transform
 
 from peakmark.errors import InputError
 from peakmark.localise.distance import Values, unit_rays
@@ -23,8 +23,8 @@ from peakmark.localise.pose import (
     SIGMA_PX,
     Correspondences,
     PoseEstimate,
-    PoseFit,
     expected_shapes,
+    level_tangents,
     refine_pose,
     refined_sigmas,
 )
@@ -75,7 +75,7 @@ class FloorMap:
 
 @dataclass(frozen=True)
 class Located(PoseEstimate):
-    """A pose that is certain, its rival the next arrangement, and which marker was which."""
+    """A pose, its rival the next arrangement, and which marker was which."""
 
     marker_of: NDArray[np.intp]
     """(n,) index into the map of each seen marker, −1 for those that are not on it."""
@@ -84,14 +84,6 @@ class Located(PoseEstimate):
     def world_from_camera(self) -> Pose:
         """(4, 4)."""
         return self.fit.world_from_camera
-
-
-@dataclass(frozen=True)
-class _Settled:
-    """A refined arrangement; its cost includes markers that are not on the map, and those that were missed."""
-
-    fit: PoseFit
-    marker_of: NDArray[np.intp]
 
 
 def locate(
@@ -134,6 +126,7 @@ def locate(
     seen = _check(xy, affinity, side_px)
     if len(seen[0]) < _fewest(affinity is not None):
         return None
+    near = None if near is None else rigid(near, "near")
     guesses = [near] if near is not None else _guesses(camera, floor_map, *seen)
     settled = (_settle(camera, floor_map, *seen, guess, sigma_px) for guess in guesses)
     candidates = [c for c in settled if c is not None and (near is None or _is_near(c, near, within_m, within_deg))]
@@ -148,7 +141,7 @@ def _sharpened(camera: Camera, floor_map: FloorMap, found: Located, xy: Values, 
     while (marker_of >= 0).sum() >= FEWEST:
         chosen = np.flatnonzero(marker_of >= 0)
         center_sigma, shape_sigma = refined_sigmas(affinity[chosen])
-        tangents = _level_tangents(floor_map.side_m, len(chosen))
+        tangents = level_tangents(floor_map.side_m, len(chosen))
         markers = Correspondences(
             xy[chosen],
             floor_map.centers_m[marker_of[chosen]],
@@ -217,8 +210,11 @@ def _settle(
     side_px: Values,
     guess: Pose,
     sigma_px: float,
-) -> _Settled | None:
-    """Pair and refine by turns, with ever tighter gates; None if too few markers agree in the end."""
+) -> Located | None:
+    """Pair and refine by turns, with ever tighter gates; None if too few markers agree in the end.
+
+    The cost includes markers that are not on the map, and those that were missed.
+    """
     final_px = sigma_px * np.sqrt(2 * OUTLIER_COST)
     pose = guess
     for gate in (*(np.maximum(sides * side_px, final_px) for sides in _GATES), np.full(len(xy), final_px)):
@@ -230,7 +226,7 @@ def _settle(
         markers = Correspondences(
             xy[chosen],
             centers,
-            _level_tangents(floor_map.side_m, len(centers)),
+            level_tangents(floor_map.side_m, len(centers)),
             None if affinity is None else affinity[chosen],
             side_px[chosen],
             sigma_px,
@@ -241,7 +237,7 @@ def _settle(
     missed = _surely_seen(camera, floor_map, pose)
     missed[marker_of[chosen]] = False
     cost = fit.cost + OUTLIER_COST * outliers + MISSED_COST * missed.sum()
-    return _Settled(replace(fit, cost=float(cost)), marker_of)
+    return Located(replace(fit, cost=float(cost)), None, marker_of)
 
 
 def _paired(camera: Camera, floor_map: FloorMap, pose: Pose, xy: Values, gate_px: Values) -> NDArray[np.intp]:
@@ -254,14 +250,10 @@ def _paired(camera: Camera, floor_map: FloorMap, pose: Pose, xy: Values, gate_px
     return np.where(mutual & (gaps[rows, nearest] <= gate_px), nearest, -1)
 
 
-def _level_tangents(side_m: float, count: int) -> Values:
-    return np.broadcast_to(side_m * np.eye(3)[:, :2], (count, 3, 2))
-
-
 def _surely_seen(camera: Camera, floor_map: FloorMap, pose: Pose) -> NDArray[np.bool_]:
     """Return (m,) whether each marker of the map is large and well inside the image from a pose."""
     centers = floor_map.centers_m
-    xy, shapes = expected_shapes(camera, pose, centers, _level_tangents(floor_map.side_m, len(centers)))
+    xy, shapes = expected_shapes(camera, pose, centers, level_tangents(floor_map.side_m, len(centers)))
     corner = np.abs(shapes).sum(axis=2)
     with np.errstate(invalid="ignore"):
         inside = (xy > corner) & (xy < np.array([camera.width, camera.height]) - 1 - corner)
@@ -269,16 +261,16 @@ def _surely_seen(camera: Camera, floor_map: FloorMap, pose: Pose) -> NDArray[np.
     return np.asarray(inside.all(axis=1) & large)
 
 
-def _is_near(candidate: _Settled, near: Pose, within_m: float, within_deg: float) -> bool:
-    distance_m, angle_deg = pose_distance(near, candidate.fit.world_from_camera)
+def _is_near(candidate: Located, near: Pose, within_m: float, within_deg: float) -> bool:
+    distance_m, angle_deg = pose_distance(near, candidate.world_from_camera)
     return distance_m <= within_m and angle_deg <= within_deg
 
 
-def _decide(candidates: list[_Settled]) -> Located | None:
+def _decide(candidates: list[Located]) -> Located | None:
     """Return the best candidate if it explains most of what is seen and no other arrangement comes near."""
     by_arrangement = {c.marker_of.tobytes(): c for c in sorted(candidates, key=lambda c: -c.fit.cost)}
     ranked = sorted(by_arrangement.values(), key=lambda c: c.fit.cost)
     if not ranked:
         return None
-    found = Located(ranked[0].fit, ranked[1].fit if len(ranked) > 1 else None, ranked[0].marker_of)
+    found = replace(ranked[0], rival=ranked[1].fit if len(ranked) > 1 else None)
     return found if found.is_certain and 2 * (found.marker_of >= 0).sum() > len(found.marker_of) else None

@@ -33,14 +33,7 @@ def arrangements(
 ) -> list[Arrangement]:
     """Return the rigid motions that lay most seen markers onto markers of the map, best first, no two alike.
 
-    Parameters
-    ----------
-    seen_m
-        (n, 2) on the floor, in any floor coordinates.
-    tolerance_m
-        (n,) how far each may be off.
-    map_m
-        (m, 2) map.
+    Seen are (n, 2) markers in any floor coordinates, each off by its (n,) tolerance at most; the map is (m, 2).
     """
     pairs = _telling_pairs(seen_m, tolerance_m)
     motions = [_motions_of_pair(seen_m, tolerance_m, map_m, i, j) for i, j in pairs]

@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, unit_rays
 from peakmark.localise.floor import floor_from_shapes, floor_of_pose, on_floor
-from peakmark.localise.pose import STEP, Correspondences, Residuals, moved, refined_sigmas
+from peakmark.localise.pose import STEP, Correspondences, Residuals, level_tangents, moved, refined_sigmas
 
 FEWEST_SHARED = 2
 """Markers of the chart that a frame must show."""
@@ -67,16 +67,8 @@ def odometry(
 ) -> Iterator[Pose | None]:
     """Yield `world_from_camera` of each frame in the world of the first frame that shows markers; None if lost.
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    side_m
-        Side of the printed patterns, metres.
-    frames
-        Track ids (n,), centres (n, 2) px and shapes (n, 2, 2) px per side of each frame.
-    sigma_px
-        Error of centres and shapes; None: what `pose.refined_sigmas` says of each.
+    A frame is track ids (n,), centres (n, 2) px and shapes (n, 2, 2) px per side, which is `side_m` long. Centres and
+    shapes are off by `sigma_px`, or by what `pose.refined_sigmas` says of each.
     """
     chart: Chart | None = None
     pose: Pose | None = None
@@ -165,10 +157,8 @@ def _solve(
 
 
 def _residuals(camera: Camera, side_m: float, seen: TrackedMarkers, sigma_px: float | None) -> Residuals:
-    count = len(seen.ids)
-    tangents = np.broadcast_to(side_m * np.eye(3)[:, :2], (count, 3, 2))
     center, shape = refined_sigmas(seen.affinity) if sigma_px is None else (sigma_px, sigma_px)
-    centers = np.zeros((count, 3))
+    centers, tangents = np.zeros((len(seen.ids), 3)), level_tangents(side_m, len(seen.ids))
     markers = Correspondences(seen.xy, centers, tangents, seen.affinity, sigma_px=center, shape_sigma_px=shape)
     return Residuals.of(camera, markers)
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
-from peaksim.geometry.pose import Pose, compose, invert, pose_distance, transform
+from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rigid, transform
 from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values
@@ -42,11 +42,6 @@ class PoseFit:
     """(n, 2) seen minus projected centres."""
     cost: float
     """Half the sum of squared whitened errors, shapes included: a negative log-likelihood."""
-
-    @property
-    def rms_px(self) -> float:
-        """Root mean square distance of seen and projected centres."""
-        return float(np.sqrt((self.errors_px**2).sum(axis=1).mean()))
 
 
 @dataclass(frozen=True)
@@ -94,14 +89,7 @@ def estimate_pose(
 ) -> PoseEstimate | None:
     """Return the pose that explains markers best, and its rival; None where OpenCV finds none.
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    seen
-        What is to be explained.
-    xy, points_m
-        (k, 2) px and (k, 3) world, k ≥ 4 and not on a line: points from which the search starts.
+    The search starts from the points (k, 2) px and (k, 3) world, k ≥ 4 and not on a line.
     """
     fits = [refine_pose(camera, start, seen) for start in candidate_poses(camera, xy, points_m)]
     ranked = sorted(fits, key=lambda fit: fit.cost)
@@ -113,6 +101,7 @@ def estimate_pose(
 
 def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) -> PoseFit:
     """Return the pose near `world_from_camera` that minimises the errors of centres and shapes (SciPy's MINPACK)."""
+    world_from_camera = rigid(world_from_camera, "world_from_camera")
     residuals = Residuals.of(camera, seen)
     steps = np.concatenate([np.zeros((1, 6)), STEP * np.eye(6)])
 
@@ -131,6 +120,11 @@ def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) 
 def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
     """Return a pose after a (6,) step in its own frame: rotation vector in radians, translation in metres."""
     return np.asarray(pose @ compose(cv2.Rodrigues(step[:3])[0], step[3:]))
+
+
+def level_tangents(side_m: float, count: int) -> Values:
+    """Return the (count, 3, 2) tangents, see `Correspondences`, of markers on a level floor."""
+    return np.broadcast_to(side_m * np.eye(3)[:, :2], (count, 3, 2))
 
 
 def expected_shapes(

@@ -39,9 +39,8 @@ class Track:
     size: float
     """Side when last seen, px."""
     hits: int = 1
-    """Frames in which it was seen."""
     misses: int = 0
-    """Frames since it was last seen."""
+    """Frames in which it was seen, and since it was last seen."""
 
 
 @dataclass(frozen=True)
@@ -59,14 +58,7 @@ class Tracks:
 def follow(before: Tracks, xy: ArrayLike, size: ArrayLike) -> tuple[Tracks, NDArray[np.intp]]:
     """Return the tracks after one more frame, and the (n,) track id of each detection.
 
-    Parameters
-    ----------
-    before
-        Tracks up to the frame before.
-    xy
-        (n, 2) detected centres, px; (0, 2) where nothing was seen.
-    size
-        (n,) their sides, px.
+    `xy` are the (n, 2) detected centres, px, (0, 2) where nothing was seen, and `size` their (n,) sides, px.
     """
     seen, sizes = np.asarray(xy, dtype=np.float64).reshape(-1, 2), np.asarray(size, dtype=np.float64).reshape(-1)
     positions = np.array([track.xy for track in before.tracks]).reshape(-1, 2)
@@ -75,26 +67,16 @@ def follow(before: Tracks, xy: ArrayLike, size: ArrayLike) -> tuple[Tracks, NDAr
     track_of, expected = _pair(expected, reach, seen)
     paired = track_of >= 0
     flow = _flow(positions[track_of[paired]], seen[paired] - positions[track_of[paired]], 2)
-    seen_by = {int(t): k for k, t in enumerate(track_of) if t >= 0}
-    kept = [_continued(track, expected[i], seen, sizes, seen_by.get(i)) for i, track in enumerate(before.tracks)]
+    kept = [replace(track, xy=expected[i], misses=track.misses + 1) for i, track in enumerate(before.tracks)]
+    for k in np.flatnonzero(paired):
+        track = before.tracks[track_of[k]]
+        kept[track_of[k]] = replace(track, xy=seen[k], size=float(sizes[k]), hits=track.hits + 1, misses=0)
     fresh = np.flatnonzero(~paired)
     ids = np.array([before.tracks[t].id if t >= 0 else -1 for t in track_of], dtype=np.intp)
     ids[fresh] = before.next_id + np.arange(len(fresh))
     born = [Track(int(ids[k]), seen[k], float(sizes[k])) for k in fresh]
     alive = tuple(track for track in (*kept, *born) if track.misses <= PATIENCE)
     return Tracks(alive, before.next_id + len(fresh), flow), ids
-
-
-def _continued(
-    track: Track,
-    expected: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    index: int | None,
-) -> Track:
-    if index is None:
-        return replace(track, xy=expected, misses=track.misses + 1)
-    return replace(track, xy=seen[index], size=float(sizes[index]), hits=track.hits + 1, misses=0)
 
 
 def _pair(

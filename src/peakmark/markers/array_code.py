@@ -26,9 +26,7 @@ class Layout:
     """
 
     rows: int = 2
-    """Number of rows."""
     columns: int = 2
-    """Number of columns."""
     pitch: float = 1.5
     """Distance of neighbouring centres in sides of a marker."""
     parity: bool = False

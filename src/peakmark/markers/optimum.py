@@ -7,13 +7,13 @@ paper, or in range, |xᵢ| ≤ 1, as print and 8-bit images are.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 
 Limit = Literal["energy", "range"]
 
@@ -49,6 +49,7 @@ def linear_optimum(weights: ArrayLike, limit: Limit) -> Optimum:
 
     Both reach their bound (Cauchy–Schwarz, Hölder). Pixels of weight 0 stay at 0.
     """
+    check_choice(limit, get_args(Limit), "limit")
     w = _finite(weights, "weights")
     norm = float(np.linalg.norm(w)) if limit == "energy" else float(np.abs(w).sum())
     x = w / max(norm, np.finfo(float).tiny) if limit == "energy" else np.sign(w)
@@ -72,8 +73,10 @@ def quadratic_optimum(filters: ArrayLike, form: ArrayLike, limit: Limit) -> Opti
     Raises
     ------
     InputError
-        If shapes do not fit, M is not symmetric, a number is not finite, or q is nowhere positive.
+        If shapes do not fit, the limit is unknown, M is not symmetric, a number is not finite, or q is nowhere
+        positive.
     """
+    check_choice(limit, get_args(Limit), "limit")
     F = _finite(filters, "filters")
     M = _finite(form, "form")
     if F.ndim < 2 or M.shape != (len(F), len(F)) or not np.allclose(M, M.T):

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.markers.optimum import Limit, quadratic_optimum
 
 Polarity = Literal["dark", "light"]
@@ -72,7 +72,7 @@ def sift_marker(
     side = _side(side_px)
     if not 0.5 <= sigma_px <= side / 4:
         raise InputError(f"sigma_px: expected 0.5 … side_px / 4 = {side / 4:g}, got {sigma_px}")
-    _choice(polarity, limit)
+    check_pattern(polarity, limit)
     if limit == "energy":
         pattern = _stretched(dog(float(sigma_px), side))
     else:
@@ -85,7 +85,7 @@ def surf_cells(polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[
 
     Under "range" the four 2×2 corners, where gxx + gyy = 0, are free and take the surround's colour.
     """
-    _choice(polarity, limit)
+    check_pattern(polarity, limit)
     pattern = surf_optimum(SURF_CELLS, limit)
     if limit == "range":
         pattern = np.where(pattern < 0, -1.0, 1.0)
@@ -180,16 +180,11 @@ def _half_disc(t: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((t * np.sqrt(1 - t**2) + np.arcsin(t)) / 2)
 
 
-def bordered(image: NDArray[np.uint8], border_px: int, level: int = 255) -> NDArray[np.uint8]:
-    """Return the image inside a border of `border_px` pixels of one grey level, white unless stated."""
-    return np.pad(image, border_px, constant_values=level)
-
-
 def surf_texture(
     polarity: Polarity = "dark", limit: Limit = "energy", cell_px: int = 16, border_cells: int = 1
 ) -> NDArray[np.uint8]:
     """Return a SURF marker with whole pixels a cell in a white border, side (9 + 2 border) · cell_px."""
-    cells = bordered(surf_cells(polarity, limit), border_cells)
+    cells = np.pad(surf_cells(polarity, limit), border_cells, constant_values=255)
     return np.kron(cells, np.ones((cell_px, cell_px), dtype=np.uint8))
 
 
@@ -208,10 +203,16 @@ def _side(side_px: int) -> int:
     return int(side_px)
 
 
-def _choice(polarity: str, limit: str) -> None:
-    for name, value, choices in (("polarity", polarity, get_args(Polarity)), ("limit", limit, get_args(Limit))):
-        if value not in choices:
-            raise InputError(f"{name}: expected {' or '.join(choices)}, got {value!r}")
+def check_pattern(polarity: str, limit: str) -> None:
+    """Refuse a marker that there is not.
+
+    Raises
+    ------
+    InputError
+        That names the argument, what was expected and what came.
+    """
+    check_choice(polarity, get_args(Polarity), "polarity")
+    check_choice(limit, get_args(Limit), "limit")
 
 
 def _check_kernel_side(side: int) -> None:

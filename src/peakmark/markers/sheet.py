@@ -13,7 +13,7 @@ from peakmark.errors import InputError
 from peakmark.markers.array_code import polarities_of
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity, dog_zero_crossing, surf_cells
-from peakmark.markers.sheet_shapes import Box, Disc, Dog, Item, Text
+from peakmark.markers.sheet_shapes import Box, Disc, Dog, Item, Text, text_length
 
 PAPERS_MM = {
     "a2": (420.0, 594.0),
@@ -36,7 +36,13 @@ CROP_MM = (1.0, 4.0)
 """Crop marks begin and end at these distances from a tile's corner."""
 
 TEXT_MM = 2.2
-"""Height of the small print."""
+"""Height of the small print where there is room."""
+
+SMALLEST_TEXT_MM = 1.2
+"""Height below which small print is left out; 3.4 points."""
+
+SCALE_BARS_MM = (50.0, 20.0)
+"""Lengths on pages narrower than 140 mm: the first that fits."""
 
 LINE_MM = 0.15
 """Width of crop marks and of the scale bar's ticks."""
@@ -46,6 +52,12 @@ _GUTTER_MM = 2 * CROP_MM[1] + 1.0
 
 _FOOTER_MM = 10.0
 """Room for the scale bar and the small print."""
+
+_LINE_HEIGHT = 1.2
+"""From line to line of the small print, in its heights."""
+
+_CAPTION_GAP_MM = 0.5
+"""Between a caption and the crop mark to its right."""
 
 _MIN_SIDE_MM = 2.0
 """Side whose cells are 0.2 mm: five dots at 600 dpi."""
@@ -75,9 +87,7 @@ class Placed:
     """A marker at its position on a tile or page."""
 
     marker: Print
-    """What is printed."""
     x_mm: float
-    """Centre."""
     y_mm: float
     """Centre."""
 
@@ -92,6 +102,8 @@ class Tile:
     """Side of the square that holds it."""
     markers: tuple[Placed, ...]
     """Relative to the square's top left."""
+    stated_gap_mm: float = 0.0
+    """Part of the side that does not grow with the markers."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +111,7 @@ class Page:
     """One sheet of paper."""
 
     width_mm: float
-    """Width."""
     height_mm: float
-    """Height."""
     scale_bar_mm: float
     """Length of the scale bar at the bottom."""
     items: tuple[Item, ...]
@@ -111,13 +121,7 @@ class Page:
 
 
 def marker_tile(marker: Print) -> Tile:
-    """Return the tile of a single marker.
-
-    Raises
-    ------
-    InputError
-        If pattern or side cannot be printed.
-    """
+    """Return the tile of a single marker; a pattern or side that cannot be printed is an `InputError`."""
     _check_print(marker)
     half = marker.side_mm / 2
     return Tile(f"{marker.name}, side {marker.side_mm:g} mm", marker.side_mm, (Placed(marker, half, half),))
@@ -126,12 +130,7 @@ def marker_tile(marker: Print) -> Tile:
 def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Limit = "energy") -> Tile:
     """Return the 3-bit array `code` of SURF markers, 2 × 2 with the upper left blank (Section 4.2).
 
-    `gap_mm` of white separates the markers, half a side unless stated.
-
-    Raises
-    ------
-    InputError
-        If `code` is not in 0…7, or side or gap cannot be printed.
+    `gap_mm` of white separates the markers, half a side unless stated. What cannot be printed is an `InputError`.
     """
     gap = side_mm / 2 if gap_mm is None else gap_mm
     if not 0 <= gap < np.inf:
@@ -141,7 +140,8 @@ def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Li
     _check_print(prints[0])
     centers = zip(prints, ((far, near), (near, far), (far, far)), strict=True)
     markers = tuple(Placed(marker, x, y) for marker, (x, y) in centers)
-    return Tile(f"array {code}, marker side {side_mm:g} mm, gap {gap:g} mm", 2 * side_mm + gap, markers)
+    name = f"array {code}, marker side {side_mm:g} mm, gap {gap:g} mm"
+    return Tile(name, 2 * side_mm + gap, markers, 0.0 if gap_mm is None else gap)
 
 
 def pages(
@@ -149,41 +149,35 @@ def pages(
 ) -> tuple[Page, ...]:
     """Lay tiles of equal size out on as few pages as needed, row by row, with crop marks and a scale bar.
 
-    Parameters
-    ----------
-    tiles
-        What to print; all must have the same side.
-    paper_mm
-        Width and height of the page.
-    border_mm
-        White border around each tile, inside the crop marks.
-    label
-        Printed at the bottom of every page, after the name of the sheet.
+    A white border lies around each tile, inside the crop marks; the label stands at the bottom of every page.
 
     Raises
     ------
     InputError
-        If a tile with its border does not fit the page, or the label is not printable Latin-1.
+        If a tile with its border, or the label, does not fit the page, or the label is not printable Latin-1.
     """
     if not 0 <= border_mm < np.inf:
         raise InputError(f"border_mm: expected a number ≥ 0, got {border_mm}")
     label = printable(label)
-    side = max(tile.side_mm for tile in tiles)
-    columns, rows = _capacity(side + 2 * border_mm, paper_mm, tiles[0].name)
+    columns, rows = _capacity(tiles[0], border_mm, paper_mm)
     size = columns * rows
     groups = [tiles[first : first + size] for first in range(0, len(tiles), size)]
     return tuple(_page(group, columns, paper_mm, border_mm, label) for group in groups)
 
 
-def _capacity(cut_mm: float, paper_mm: tuple[float, float], name: str) -> tuple[int, int]:
-    """Return how many columns and rows of squares of `cut_mm`, with gutters, fit the page."""
+def _capacity(tile: Tile, border_mm: float, paper_mm: tuple[float, float]) -> tuple[int, int]:
+    """Return how many columns and rows of tiles, with borders and gutters, fit the page."""
+    cut_mm = tile.side_mm + 2 * border_mm
     room = np.array(paper_mm) - 2 * MARGIN_MM - [0, _FOOTER_MM] - _GUTTER_MM
     columns, rows = (int(n) for n in np.floor((room + _GUTTER_MM + 1e-9) / (cut_mm + _GUTTER_MM)))
     if columns < 1 or rows < 1:
         width, height = paper_mm
+        growing = (room.min() - 2 * border_mm - tile.stated_gap_mm) / (tile.side_mm - tile.stated_gap_mm)
+        largest = np.floor(10 * growing * tile.markers[0].marker.side_mm) / 10
+        hint = f": a side of {largest:g} mm fits" if largest >= _MIN_SIDE_MM else ""
         raise InputError(
-            f"{name}: expected at most {room.min():.4g} mm with its border on a page of "
-            f"{width:g} × {height:g} mm, got {cut_mm:.4g} mm"
+            f"{tile.name}: expected at most {room.min():.4g} mm with its border on a page of "
+            f"{width:g} × {height:g} mm, got {cut_mm:.4g} mm{hint}"
         )
     return columns, rows
 
@@ -198,11 +192,11 @@ def _page(tiles: Sequence[Tile], columns: int, paper_mm: tuple[float, float], bo
     placed: list[Placed] = []
     for number, tile in enumerate(tiles):
         x, y = left + number % columns * pitch, top + number // columns * pitch
-        items += [*_crop_marks(x, y, cut), Text(x + CROP_MM[0], y + cut + CROP_MM[1] - 0.5, TEXT_MM, tile.name)]
+        items += [*_crop_marks(x, y, cut), *_caption(x, y + cut, cut, tile.name)]
         placed += [Placed(m.marker, x + border_mm + m.x_mm, y + border_mm + m.y_mm) for m in tile.markers]
     for place in placed:
         items += marker_items(place)
-    bar = 100.0 if width >= 140 else 50.0
+    bar = 100.0 if width >= 140 else next(bar for bar in SCALE_BARS_MM if bar <= width - 2 * MARGIN_MM)
     items += _scale_bar(bar, height - MARGIN_MM, width, label)
     return Page(width, height, bar, tuple(items), tuple(placed))
 
@@ -248,21 +242,50 @@ def _crop_marks(x: float, y: float, cut: float) -> Iterator[Box]:
 
 def _scale_bar(length: float, bottom: float, page_width: float, label: str) -> Iterator[Item]:
     """Yield a bar whose ticks' centres are `length` apart, and the small print after it."""
-    y = bottom - TEXT_MM - 2.0
+    note = f"{length:g} mm between the ticks if printed at 100 %"
+    text_mm, lines = _small_print("   ".join(filter(None, [note, "peakmark", label])), page_width - 2 * MARGIN_MM)
+    y = bottom - len(lines) * _LINE_HEIGHT * text_mm + (_LINE_HEIGHT - 1) * text_mm - 2.0
     yield Box(MARGIN_MM, y - LINE_MM / 2, length, LINE_MM, 0.0)
     for x in (MARGIN_MM, MARGIN_MM + length):
         yield Box(x - LINE_MM / 2, y - 1.5, LINE_MM, 3.0, 0.0)
-    note = f"{length:g} mm between the ticks if printed at 100 %"
-    yield Text(MARGIN_MM, bottom, TEXT_MM, "   ".join(filter(None, [note, "peakmark", label])))
+    for above, line in enumerate(reversed(lines)):
+        yield Text(MARGIN_MM, bottom - above * _LINE_HEIGHT * text_mm, text_mm, line)
+
+
+def _small_print(text: str, room_mm: float) -> tuple[float, list[str]]:
+    """Return height and lines of the small print: on one line as large as fits, on up to three on narrow pages."""
+    for height, most in ((TEXT_MM, 1), (0.8 * TEXT_MM, 1), (0.8 * TEXT_MM, 2), (SMALLEST_TEXT_MM, 3)):
+        lines = _wrapped(text, room_mm / height)
+        if len(lines) <= most and max(map(text_length, lines)) * height <= room_mm:
+            return height, lines
+    raise InputError(f"label: expected one that fits {room_mm:g} mm of small print, got {text!r}")
+
+
+def _wrapped(text: str, room: float) -> list[str]:
+    """Return text in lines of at most `room` heights; longer words stand alone."""
+    if text_length(text) <= room:
+        return [text]
+    lines: list[str] = []
+    for word in text.split():
+        if lines and text_length(longer := f"{lines[-1]} {word}") <= room:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
+
+def _caption(x: float, bottom: float, cut: float, name: str) -> Iterator[Text]:
+    """Yield a tile's name between its lower crop marks: smaller where they are near, nothing where too near."""
+    room = cut - CROP_MM[0] - _CAPTION_GAP_MM
+    height = min(TEXT_MM, room / text_length(name))
+    if height >= SMALLEST_TEXT_MM:
+        yield Text(x + CROP_MM[0], bottom + CROP_MM[1] - 0.5, height, name)
 
 
 def paper_size(name: str, landscape: bool = False) -> tuple[float, float]:
     """Return width and height in mm of a named paper ("a4") or of "WIDTHxHEIGHT" in mm.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown or a side is not in 50…2000 mm.
+    An unknown name, or a side that is not in 50…2000 mm, is an `InputError`.
     """
     if name.lower() in PAPERS_MM:
         size = PAPERS_MM[name.lower()]
@@ -279,13 +302,7 @@ def paper_size(name: str, landscape: bool = False) -> tuple[float, float]:
 
 
 def printable(text: str) -> str:
-    """Return `text` if the small print can show it.
-
-    Raises
-    ------
-    InputError
-        If it is longer than 80 characters or has any that are not printable Latin-1.
-    """
+    """Return `text` if the small print can show it: at most 80 characters of Latin-1; else raise an `InputError`."""
     if len(text) > 80 or not text.isprintable() or any(ord(character) > 255 for character in text):
         raise InputError(f"label: expected at most 80 printable Latin-1 characters, got {text[:90]!r}")
     return text

@@ -24,23 +24,14 @@ _MAX_PIXELS = 300_000_000
 
 
 def write(pages: Sequence[Page], stem: Path, format: str = "pdf", dpi: float = 1200.0) -> tuple[Path, ...]:
-    """Write pages to `stem`.pdf, or to one SVG or PNG a page (`stem`-2.svg and so on from the second).
+    """Write pages of one size to `stem`.pdf, or to one SVG or PNG a page (`stem`-2.svg and so on from the second).
 
-    Parameters
-    ----------
-    pages
-        At least one, all of one size.
-    stem
-        Path without suffix; its directory is made.
-    format
-        "pdf", "svg" or "png".
-    dpi
-        Dots per inch of a PNG.
+    `stem` is a path without suffix, whose directory is made; `format` one of `FORMATS`.
 
     Raises
     ------
     InputError
-        If the format is unknown, or dpi gives a page without pixels or of more than 300 megapixels.
+        If the format is unknown, or dpi gives a PNG without pixels or of more than 300 megapixels.
     """
     if format not in FORMATS:
         raise InputError(f"format: expected {', '.join(FORMATS)}, got {format!r}")
@@ -56,7 +47,7 @@ def write(pages: Sequence[Page], stem: Path, format: str = "pdf", dpi: float = 1
         if format == "svg":
             path.write_text(svg(page), encoding="utf-8")
         else:
-            _write_png(path, page, dpi)
+            Image.fromarray(raster(page, dpi)).save(path, dpi=(dpi, dpi), compress_level=4)
     return tuple(paths)
 
 
@@ -204,10 +195,6 @@ def _blend(
     paint = gray[inner] if isinstance(gray, np.ndarray) else gray
     below = canvas[rows, columns]
     below[:] = np.rint(below + share * (paint - below.astype(np.float32)))
-
-
-def _write_png(path: Path, page: Page, dpi: float) -> None:
-    Image.fromarray(raster(page, dpi)).save(path, dpi=(dpi, dpi), compress_level=4)
 
 
 def _check_pixels(page: Page, dpi: float) -> None:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import ImageFont
 
 from peakmark.markers.patterns import DOG_RATIO, Polarity
 
@@ -13,13 +14,10 @@ class Box:
     """A filled rectangle."""
 
     x_mm: float
-    """Left edge."""
     y_mm: float
-    """Top edge."""
+    """Left and top edge."""
     width_mm: float
-    """Extent to the right."""
     height_mm: float
-    """Extent downwards."""
     gray: float
     """Grey level, 0…255."""
 
@@ -29,11 +27,9 @@ class Disc:
     """A filled circle."""
 
     x_mm: float
-    """Centre."""
     y_mm: float
     """Centre."""
     radius_mm: float
-    """Radius."""
     gray: float
     """Grey level, 0…255."""
 
@@ -43,7 +39,6 @@ class Dog:
     """A square filled with the DoG marker, stretched to 0…255."""
 
     x_mm: float
-    """Centre."""
     y_mm: float
     """Centre."""
     side_mm: float
@@ -51,7 +46,6 @@ class Dog:
     sigma_mm: float
     """σ of the inner Gaussian."""
     polarity: Polarity
-    """"dark" or "light" centre."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +53,31 @@ class Text:
     """One line of black small print."""
 
     x_mm: float
-    """Left end."""
     y_mm: float
-    """Baseline."""
+    """Left end of the baseline."""
     height_mm: float
     """Font size."""
     text: str
     """Printable characters of Latin-1."""
+
+
+def text_length(text: str) -> float:
+    """Return the length of a line in its heights, the longer of Pillow's font (PNG) and Helvetica's (PDF, SVG)."""
+    return max(sum(map(_helvetica_width, text)), _FONT.getlength(text) / 100)
+
+
+def _helvetica_width(letter: str) -> float:
+    """Return the width in font sizes, rounded up (Adobe's font metrics have four digits a letter)."""
+    if letter in "ijlI ,.:;!|'/":
+        return 0.28
+    if letter in "WM@%Æ¼½¾©®":
+        return 1.02
+    if letter in "mw" or letter.isupper() or not letter.isascii():
+        return 0.9
+    return 0.56 if letter.isalnum() else 0.67
+
+
+_FONT = ImageFont.load_default(size=100)
 
 
 Item = Box | Disc | Dog | Text

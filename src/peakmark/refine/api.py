@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.markers.patterns import surf_cells
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import align, shape_grid
@@ -174,8 +174,7 @@ def _upright_rotation(affine: NDArray[np.float64]) -> NDArray[np.float64]:
 @cache
 def known_pattern(name: str, border: float) -> Pattern:
     """Return a SURF marker by name, on lines only where levels change, on white."""
-    if name not in PATTERNS:
-        raise InputError(f"pattern: expected one of {', '.join(PATTERNS)}, got {name!r}")
+    check_choice(name, PATTERNS, "pattern")
     if not 0 <= border <= 1:
         raise InputError(f"border: expected 0…1 sides, got {border}")
     cells = surf_cells("light" if name.endswith("light") else "dark", "range" if "range" in name else "energy")

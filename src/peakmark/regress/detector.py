@@ -18,12 +18,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
 
-from peakmark.detectors.registry import NAMES, find_detector
+from peakmark.detectors.registry import NAMES, find_detector, settings_of
 from peakmark.detectors.tags import Tag, tag_detector
 from peakmark.errors import InputError
 from peakmark.identification import api as identification
@@ -40,27 +41,33 @@ FrameDetector = Callable[[NDArray[np.uint8]], Found]
 TAGS = {"aruco": "DICT_4X4_50", "apriltag": "DICT_APRILTAG_36h11"}
 
 
+Parameter = Annotated[float, Field(allow_inf_nan=False)] | int | bool | str
+
+
 @dataclass(frozen=True)
 class DetectorSettings:
     """Which detector, and its settings."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     name: str = "markers"
     """See the table above."""
     stretch: float = 2.0
     """Vertical stretch of the image before "markers" searches it; 0.25…8."""
-    parameters: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, Parameter] = field(default_factory=dict)
     """Of the detector: threshold, octaves, layers, … ; for "markers" those of SURF."""
     time_limit_s: float = 10.0
     """For one image, where the detector is a process."""
     start_limit_s: float = 60.0
-    """For its start, and once more on top of the time limit of the first image, on which much code warms up."""
+    """For its start, and once more on top of the time limit of the first image, on which much code warms up; a
+    detector that hangs there does not get it again before it has answered."""
 
     def __post_init__(self) -> None:
         if not 0.25 <= self.stretch <= 8:
             raise InputError(f"stretch: expected 0.25…8, got {self.stretch}")
-        for limit_s in (self.time_limit_s, self.start_limit_s):
+        for name, limit_s in (("time limit", self.time_limit_s), ("start limit", self.start_limit_s)):
             if not 0 < limit_s <= 86_400:
-                raise InputError(f"time limit: expected more than 0 and at most 86400 s, got {limit_s}")
+                raise InputError(f"{name}: expected more than 0 and at most 86400 s, got {limit_s}")
 
 
 @contextmanager
@@ -91,13 +98,14 @@ def built_in_detector(settings: DetectorSettings) -> FrameDetector:
     name, _, dictionary = settings.name.partition(":")
     if name == "markers":
         return partial(_find_markers, settings.stretch, settings.parameters)
+    if settings.parameters and (name == "cave-markers" or name in TAGS):
+        raise InputError(f"detector {name}: expected no parameters, got {', '.join(settings.parameters)}")
     if name == "cave-markers":
-        if settings.parameters:
-            raise InputError(f"detector cave-markers: expected no parameters, got {', '.join(settings.parameters)}")
         return _find_by_classifier
     if name in TAGS:
         return _tag_detector(dictionary or TAGS[name])
     if name in NAMES:
+        settings_of(name, settings.parameters)  # refuses those that it does not take
         detector = find_detector(name)
         return lambda image: Found(strongest_first(detector(image, **settings.parameters)), None)
     known = ", ".join(("markers", "cave-markers", *TAGS, *NAMES, "cv2:NAME", "module:function"))
@@ -129,7 +137,7 @@ def _tag_detector(dictionary: str) -> FrameDetector:
 
 def _tag(i: int, tag: Tag) -> Detection:
     """Return a tag as a detection, its number as the rank."""
-    return Detection(i, tag.center_xy, tag.side_px, "dark", 1.0, 0.0, tag.id)
+    return Detection(i, tag.center_xy, tag.side_px, None, 1.0, 0.0, tag.id)
 
 
 def strongest_first(features: Keypoints) -> Keypoints:

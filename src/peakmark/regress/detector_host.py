@@ -39,7 +39,14 @@ def load(name: str, parameters: dict[str, Any]) -> UserFunction:
 
 
 def as_found(value: Any) -> Found:
-    """Return what a user's function found: key points as `peakmark.detectors` takes them, detections, or a `Found`.
+    """Return what a user's function found.
+
+    Parameters
+    ----------
+    value
+        What the function takes for markers, as a list or tuple of `Detection`; or all its key points, as
+        `peakmark.detectors.registry.as_keypoints` takes them; or both, as `Found`. A `Detection` whose polarity is
+        None, and a key point whose Laplacian is 0, tells no polarity.
 
     Raises
     ------
@@ -48,8 +55,8 @@ def as_found(value: Any) -> Found:
     """
     if isinstance(value, Found):
         found = value
-    elif isinstance(value, tuple) and value and all(isinstance(d, Detection) for d in value):
-        found = Found(Keypoints.empty(), value)
+    elif isinstance(value, list | tuple) and value and all(isinstance(d, Detection) for d in value):
+        found = Found(Keypoints.empty(), tuple(value))
     else:
         found = Found(as_keypoints(value), None)
     detections = found.detections or ()

@@ -7,29 +7,40 @@ To the program, on its standard input::
 From the program, on its standard output, before the time limit::
 
     {"frame": 12, "detections": [{"x": 310.2, "y": 88.0, "size": 24.0, "response": 8800.0, "polarity": "dark"}, …]}
-    {"frame": 12, "keypoints": [{"x": 310.2, "y": 88.0, "size": 24.0, "response": 8800.0}, …]}
+    {"frame": 12, "keypoints": [{"x": 310.2, "y": 88.0, "size": 24.0, "response": 8800.0, "laplacian": 1}, …]}
     {"frame": 12, "error": "one line"}
 
 `detections` are what the program takes for markers, `keypoints` all features, of which it does not say which are
 markers; an answer may have both. x and y are in pixels with centres at integers; all other fields may be missing.
-The image is a grey PNG and may be deleted after the answer. The program ends when its input does.
+`polarity` is "light" or "dark", `laplacian` −1 for a light and +1 for a dark centre; whoever tells neither is not
+charged with wrong ones. The image is a grey PNG and is deleted after the answer. The program ends when its input does;
+it and all that it started are ended with the run.
 """
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from peakmark.errors import one_line
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
+from peakmark.markers.patterns import Polarity
 
 MOST_POINTS = 1_000_000
 """An answer with more is refused: that is a point in every third pixel of 2048×1536."""
 
 
+LARGEST = float(np.finfo(np.float32).max)
+"""Numbers beyond it are refused: as a column of `Keypoints` they would be infinite."""
+
+
 class DetectorFailure(Exception):
-    """A detector failed on one image; the message is one line and starts with the kind of failure."""
+    """A detector failed on one image; the message is one line, safe to print, and starts with the kind of failure."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(one_line(reason))
 
 
 @dataclass(frozen=True)
@@ -63,11 +74,11 @@ def answer_line(frame: int, found: Found) -> bytes:
             {
                 "x": float(d.xy[0]),
                 "y": float(d.xy[1]),
-                "size": d.size,
-                "response": d.response,
+                "size": float(d.size),
+                "response": float(d.response),
                 "polarity": d.polarity,
-                "distance": d.signature_distance,
-                "rank": d.rank,
+                "distance": float(d.signature_distance),
+                "rank": int(d.rank),
             }
             for d in found.detections
         ]
@@ -84,11 +95,12 @@ def parse_answer(line: bytes, frame: int) -> Found:
     """
     try:
         value = json.loads(line)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DetectorFailure(f"rubbish: expected a line of JSON, got {_excerpt(line)}") from error
-    if isinstance(value, dict) and isinstance(value.get("error"), str):
+    is_answer = isinstance(value, dict) and value.get("frame") == frame and not isinstance(value["frame"], bool)
+    if is_answer and isinstance(value.get("error"), str):
         raise DetectorFailure(f"error: {' '.join(value['error'].split())[:200]}")
-    if not isinstance(value, dict) or value.get("frame") != frame or not {"detections", "keypoints"} & value.keys():
+    if not is_answer or not {"detections", "keypoints"} & value.keys():
         expected = f'{{"frame": {frame}, "detections" or "keypoints": […]}}'
         raise DetectorFailure(f"rubbish: expected {expected}, got {_excerpt(line)}")
     features = _features(_rows(value.get("keypoints", []), "keypoints"))
@@ -115,8 +127,17 @@ def _row(point: Any, name: str) -> dict[str, Any]:
     numbers = {"size": 0.0, "response": 0.0, "distance": 0.0, "rank": 0, "laplacian": 0, **point}
     for field in ("x", "y", "size", "response", "distance", "rank", "laplacian"):
         number = numbers.get(field)
-        if isinstance(number, bool) or not isinstance(number, int | float) or not np.isfinite(number):
+        if isinstance(number, bool) or not isinstance(number, int | float) or number != number or abs(number) == np.inf:
             raise DetectorFailure(f"rubbish: {name}: {field}: expected a finite number, got {str(number)[:40]!r}")
+        if abs(number) > LARGEST:
+            raise DetectorFailure(
+                f"rubbish: {name}: {field}: expected at most ±{LARGEST:.2g}, got {str(number)[:40]!r}"
+            )
+    if numbers["rank"] != int(numbers["rank"]):
+        raise DetectorFailure(f"rubbish: {name}: rank: expected a whole number, got {numbers['rank']!r}")
+    polarity = numbers.get("polarity")
+    if polarity not in (None, *get_args(Polarity)):
+        raise DetectorFailure(f"rubbish: {name}: polarity: expected light, dark or null, got {str(polarity)[:40]!r}")
     return numbers
 
 
@@ -141,7 +162,7 @@ def _detection(i: int, row: dict[str, Any]) -> Detection:
         id=i,
         xy=np.array([row["x"], row["y"]], dtype=np.float64),
         size=float(row["size"]),
-        polarity="light" if row.get("polarity") == "light" else "dark",
+        polarity=row.get("polarity"),
         response=float(row["response"]),
         signature_distance=float(row["distance"]),
         rank=int(row["rank"]),

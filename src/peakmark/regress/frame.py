@@ -2,53 +2,65 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth
+from pydantic import ConfigDict, Field, Strict
 
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.patterns import Polarity
-from peakmark.regress.detector_protocol import Found
+from peakmark.regress.detector_protocol import LARGEST, Found
 from peakmark.score.markers import score_frame
 from peakmark.score.wanted import Wanted
 
 _DECIMALS = 3  # of a pixel in a record
+
+_POLARITIES: dict[int, Polarity] = {1: "dark", -1: "light"}  # by the sign of the Laplacian; 0 tells nothing
+
+Figure = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Pixel = tuple[Figure, Figure]
+Count = Annotated[int, Strict(), Field(ge=0, lt=2**53)]
+"""What a record's file may state: a baseline of nan, infinity or text compares with nothing."""
 
 
 @dataclass(frozen=True)
 class ScoredMarker:
     """A marker that was wanted."""
 
-    side_px: float
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    side_px: Figure
     """Its true side."""
-    true_xy: tuple[float, float]
+    true_xy: Pixel
     """Its true centre, px."""
-    xy: tuple[float, float] | None = None
+    xy: Pixel | None = None
     """Where it was found, px; None if it was not."""
-    response: float | None = None
+    response: Figure | None = None
     """Of the detection."""
-    polarity_is_right: bool | None = None
-    """Whether it was taken for what it is, light or dark; None if it was not found or is neither."""
+    polarity_is_right: Annotated[bool, Strict()] | None = None
+    """Whether it was taken for what it is, light or dark; None if not found, or if it or the detector tells none."""
 
 
 @dataclass(frozen=True)
 class ScoredFrame:
     """What a detector made of one frame."""
 
-    frame: int
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    frame: Count
     """Index in the suite."""
     picture: str
     """First 16 hexadecimal digits of the SHA-256 of the image's pixels; named as in the file."""
-    features: int = 0
+    features: Count = 0
     """Key points found."""
     failure: str | None = None
     """Why the detector gave no answer."""
-    false_xy: tuple[tuple[float, float], ...] | None = None
+    false_xy: tuple[Pixel, ...] | None = None
     """Detections at no marker, px; None where the detector does not say what it takes for a marker."""
-    drop: float | None = None
+    drop: Figure | None = None
     """Weakest found marker's response over the strongest clutter's."""
     markers: dict[str, ScoredMarker] = field(default_factory=dict)
     """Name → result of the markers wanted."""
@@ -57,22 +69,6 @@ class ScoredFrame:
     def found(self) -> int:
         """How many of the markers were found."""
         return sum(marker.xy is not None for marker in self.markers.values())
-
-
-def from_plain(values: dict[str, Any]) -> ScoredFrame:
-    """Return a result from `dataclasses.asdict`'s values, also after JSON."""
-    markers = {
-        name: ScoredMarker(**{**m, "true_xy": _pair(m["true_xy"]), "xy": m["xy"] and _pair(m["xy"])})
-        for name, m in values["markers"].items()
-    }
-    false = values["false_xy"]
-    false_xy = None if false is None else tuple(_pair(xy) for xy in false)
-    return ScoredFrame(**{**values, "markers": markers, "false_xy": false_xy})
-
-
-def _pair(values: Sequence[float]) -> tuple[float, float]:
-    x, y = values
-    return float(x), float(y)
 
 
 def score_answer(
@@ -110,7 +106,7 @@ def _marker_result(marker: MarkerTruth, detections: Sequence[Detection], matches
         return ScoredMarker(*truth)
     detection = detections[matches[marker.name]]
     stated = {polarity for polarity in ("light", "dark") if polarity in marker.kind}
-    right = detection.polarity in stated if stated else None
+    right = detection.polarity in stated if stated and detection.polarity is not None else None
     return ScoredMarker(*truth, _rounded(detection.xy), float(f"{detection.response:.6g}"), right)
 
 
@@ -129,6 +125,6 @@ def strongest_at_markers(
             i = int(near[0])  # features come strongest first
             xy = features.xy[i].astype(np.float64)
             size, response = float(features.size[i]), float(features.response[i])
-            polarity: Polarity = "light" if features.laplacian[i] < 0 else "dark"
+            polarity: Polarity | None = _POLARITIES.get(int(features.laplacian[i]))
             found.append(Detection(len(found), xy, size, polarity, response, 0.0, i + 1))
     return tuple(found)

@@ -3,6 +3,7 @@
 from typing import Any
 from xml.etree import ElementTree
 
+from peakmark.errors import one_line
 from peakmark.regress.compare import CONFIDENCE, FAULTS, Change, Comparison
 
 SIGNS = {"better": "▲", "same": "=", "worse": "▼", "changed": "≠", "unknown": "–"}
@@ -10,10 +11,11 @@ SIGNS = {"better": "▲", "same": "=", "worse": "▼", "changed": "≠", "unknow
 
 def junit_xml(comparison: Comparison) -> bytes:
     """Return JUnit's XML: one test case a metric, failed where it got worse or changed, skipped where unknown."""
+    name = one_line(comparison.after.suite)  # XML has no escapes for control characters
     suite = ElementTree.Element(
         "testsuite",
         {
-            "name": f"peakmark.regress.{comparison.after.suite}",
+            "name": f"peakmark.regress.{name}",
             "tests": str(len(comparison.changes)),
             "failures": str(len(comparison.faults)),
             "skipped": str(sum(change.verdict == "unknown" for change in comparison.changes)),
@@ -21,7 +23,7 @@ def junit_xml(comparison: Comparison) -> bytes:
         },
     )
     for change in comparison.changes:
-        names = {"classname": comparison.after.suite, "name": change.metric.key}
+        names = {"classname": name, "name": change.metric.key}
         case = ElementTree.SubElement(suite, "testcase", names)
         if change.verdict in FAULTS:
             words = sentence(change)
@@ -67,7 +69,7 @@ def escaped(text: str) -> str:
     """Return text that Markdown and HTML show as it is."""
     for character in "&<>|`[":
         text = text.replace(character, f"&#{ord(character)};") if character != "&" else text.replace("&", "&amp;")
-    return " ".join(text.split())
+    return one_line(text)
 
 
 def cells_of(change: Change) -> tuple[str, ...]:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from peaksim.image_file import read_image
 
+from peakmark.keypoints.image import as_gray
 from peakmark.regress.compare import Change, Comparison
 from peakmark.regress.frame import ScoredFrame
 from peakmark.regress.outputs import SIGNS, cells_of, sentence
@@ -131,7 +132,7 @@ def _pair(comparison: Comparison, images: Path, frame: int) -> Iterator[Captione
     file = images / IMAGE_NAME.format(frame)
     if not file.is_file():
         return
-    image = np.asarray(Image.open(file).convert("L"))
+    image = as_gray(read_image(file))
     records = (comparison.before, comparison.after)
     results = [next(r for r in record.results if r.frame == frame) for record in records]
     same = results[0].picture == results[1].picture

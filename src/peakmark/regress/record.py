@@ -3,11 +3,15 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from peaksim.scene.schema import NotNegative, StrictTable
+from peaksim.toml_file import validate
+from pydantic import Field, field_validator
 
 from peakmark.errors import InputError
 from peakmark.regress.detector import DetectorSettings
-from peakmark.regress.frame import ScoredFrame, from_plain
+from peakmark.regress.frame import Count, ScoredFrame
 from peakmark.regress.metrics import metrics_of
 from peakmark.score.statistics import resample_counts
 
@@ -70,35 +74,52 @@ def _short(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.6g}")
 
 
+class _File(StrictTable):
+    """A record as its file states it."""
+
+    format: str
+    suite: str
+    suite_sha256: str
+    detector: DetectorSettings
+    seed: Count
+    renderer: str
+    versions: dict[str, str]
+    tolerances: dict[str, NotNegative]
+    metrics: Any = None
+    frames: Annotated[tuple[ScoredFrame, ...], Field(min_length=1)]
+
+    @field_validator("detector", mode="before")
+    @classmethod
+    def _is_whole(cls, value: Any) -> Any:
+        missing = {"name", "stretch", "parameters"} - set(value if isinstance(value, dict) else ())
+        if missing:
+            raise ValueError(f"expected a detector with name, stretch and parameters, got none of {sorted(missing)}")
+        return value
+
+
 def from_text(text: str, name: str) -> Record:
     """Read a record; its metrics are computed again, not read.
 
     Raises
     ------
     InputError
-        That names the file, if it is no record or of another version.
+        One line that names the file and the field, if it is no record or of another version.
     """
+    expected = f"{name}: expected the record of a run"
     try:
-        values = json.loads(text)
-        version = values["format"]
-        if version == FORMAT:
-            return _record_of(values)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{name}: expected the record of a run: {error!r:.80}") from error
-    raise InputError(f"{name}: expected a record of version {FORMAT!r}, got {version!r}")
+        values = json.loads(text, parse_constant=_refuse_number)
+        json.dumps(values, ensure_ascii=False).encode()  # half a surrogate pair can be read, but not be written again
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{expected}: {error}") from error
+    version = values.get("format") if isinstance(values, dict) else None
+    if isinstance(version, str) and version != FORMAT:
+        raise InputError(f"{name}: expected a record of version {FORMAT!r}, got {version!r:.80}")
+    file = validate(_File, values, expected)
+    return Record(**{name: getattr(file, name) for name in _HEAD}, results=file.frames)
 
 
-def _record_of(values: dict[str, Any]) -> Record:
-    """Return a record whose reports can be written."""
-    fields = {name: values[name] for name in _HEAD}
-    detector = fields["detector"]
-    if not values["frames"] or not {"name", "stretch", "parameters"} <= detector.keys():
-        raise ValueError("expected frames, and a detector with name, stretch and parameters")
-    fields["detector"] = DetectorSettings(**{**detector, "parameters": dict(detector["parameters"])})
-    fields["tolerances"] = {str(key): float(value) for key, value in fields["tolerances"].items()}
-    record = Record(**fields, results=tuple(from_plain(plain) for plain in values["frames"]))
-    record.versions.items(), metrics_of(record.results, record.tolerances)  # raise where they are of another form
-    return record
+def _refuse_number(text: str) -> None:
+    raise ValueError(f"expected numbers, got {text}")
 
 
 def read_record(path: Path) -> Record:
@@ -110,7 +131,7 @@ def read_record(path: Path) -> Record:
         As `from_text`, or if it cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     return from_text(text, str(path))

@@ -14,7 +14,7 @@ from peaksim.scene.schema import Name, NotNegative, Positive, StrictTable
 from peaksim.toml_file import parse_toml, validate
 from pydantic import Field
 
-from peakmark.regress.detector import DetectorSettings
+from peakmark.regress.detector import DetectorSettings, Parameter
 
 
 class DetectorTable(StrictTable):
@@ -22,7 +22,7 @@ class DetectorTable(StrictTable):
 
     name: str = "markers"
     stretch: Annotated[float, Field(ge=0.25, le=8)] = 2.0
-    parameters: dict[str, float | int | bool | str] = Field(default_factory=dict)
+    parameters: dict[str, Parameter] = Field(default_factory=dict)
 
 
 class SuiteTable(StrictTable):

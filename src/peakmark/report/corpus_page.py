@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.corpus.read import Corpus, open_corpus
-from peaksim.corpus.sample import Record
+from peaksim.corpus.sample import Record, marker_outlines
 from PIL import Image
 
 from peakmark.errors import InputError
@@ -24,13 +24,7 @@ _COLOURS = ((150, 150, 150), (255, 140, 0), (60, 220, 60))
 
 
 def show_frames(dest: str, frames: Sequence[int] | None, out: Path) -> Path:
-    """Write an image of each frame and index.html; return the page.
-
-    Raises
-    ------
-    InputError
-        If there is no such corpus or frame, or the folder cannot be written.
-    """
+    """Write an image of each frame of a corpus and index.html; return the page."""
     corpus = open_corpus(dest)
     sections = []
     with result_folder(out) as folder:
@@ -59,8 +53,11 @@ def draw_truth(image: NDArray[np.uint8], record: Record) -> NDArray[np.uint8]:
         points = np.array([xy if None not in xy else (np.nan, np.nan) for xy in marker["points_xy"]], dtype=np.float64)
         points = (points + 0.5) * scale - 0.5
         colour = _COLOURS[2] if marker["visible_fraction"] > 0 else _COLOURS[1]
-        if np.isfinite(points).all():
-            draw_outline(canvas, points[1:], colour, 1)
+        outline = points[1:]
+        if not np.isfinite(points).all():
+            outline = (marker_outlines(record, [marker])[0] + 0.5) * scale - 0.5
+        if len(outline):
+            draw_outline(canvas, outline, colour, 1)
         for xy, state in zip(points, marker["points_seen"], strict=True):
             if state:
                 draw_circle(canvas, xy, 3, _COLOURS[state], -1)
@@ -81,13 +78,7 @@ def _section(frame: int, record: Record, image: NDArray[np.uint8]) -> Section:
 
 
 def open_page(page: Path) -> None:
-    """Open a page in the user's browser.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Open a page in the user's browser; without one an `InputError`."""
     if not webbrowser.open(page.resolve().as_uri()):
         raise InputError(f"--open: found no browser to open {page} with")
 
@@ -98,10 +89,7 @@ def open_page(page: Path) -> None:
 def save_recording(dest: str, frames: Sequence[int] | None, path: Path) -> None:
     """Write a Rerun recording (.rrd): cameras and marker points in the world, images and points in the camera.
 
-    Raises
-    ------
-    InputError
-        If rerun is not installed, or the file cannot be written.
+    Rerun is an extra: an `InputError` says that it is not installed, or that the file cannot be written.
     """
     try:
         import rerun as rr

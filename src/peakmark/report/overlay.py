@@ -60,13 +60,9 @@ def draw_arrays(
 
 
 def draw_keypoints(image: NDArray[Any], keypoints: Keypoints, strongest: int = 2000) -> Canvas:
-    """Return the grey image as RGB with each key point's circle, of half its size, and orientation.
+    """Return the grey image as RGB with the strongest key points' circles, of half their size, and orientations.
 
-    Parameters
-    ----------
-    image : as in `as_gray`.
-    keypoints : in px of that image; an angle below 0 draws no line.
-    strongest : draw only the first so many.
+    The image is any that `as_gray` takes; an angle below 0 draws no line.
     """
     canvas = rgb_copy(as_gray(image))
     shown = keypoints[:strongest]
@@ -111,6 +107,7 @@ def box_around(xy: NDArray[np.float64], margin_px: float, size: tuple[int, int])
 # --- strokes, drawn in place; points are px with centres at integers ----------------------------------------------
 
 _BITS = 4  # OpenCV's fractional bits: positions and radii to a sixteenth of a px
+_FARTHEST = 2.0**20  # px: what lies beyond is in no image, and far beyond OpenCV refuses to draw
 
 
 def rgb_copy(image: NDArray[np.uint8]) -> Canvas:
@@ -120,7 +117,7 @@ def rgb_copy(image: NDArray[np.uint8]) -> Canvas:
 
 def draw_circle(canvas: Canvas, xy: Point, radius: float, colour: Colour, thickness: int) -> None:
     """Draw a circle, filled where the thickness is −1."""
-    cv2.circle(canvas, _fixed(xy), round(radius * 2**_BITS), colour, thickness, cv2.LINE_AA, _BITS)
+    cv2.circle(canvas, _fixed(xy), round(_near(radius) * 2**_BITS), colour, thickness, cv2.LINE_AA, _BITS)
 
 
 def draw_outline(canvas: Canvas, corners: Sequence[Point] | NDArray[Any], colour: Colour, thickness: int) -> None:
@@ -133,7 +130,7 @@ def draw_cross(
     canvas: Canvas, xy: Point, size: float, colour: Colour, thickness: int, kind: int = cv2.MARKER_TILTED_CROSS
 ) -> None:
     """Draw a cross at the nearest pixel."""
-    cv2.drawMarker(canvas, _nearest(xy), colour, kind, round(size), thickness, cv2.LINE_AA)
+    cv2.drawMarker(canvas, _nearest(xy), colour, kind, round(_near(size)), thickness, cv2.LINE_AA)
 
 
 def draw_label(canvas: Canvas, text: str, xy: Point, colour: Colour, line: int, scale: float = 1.0) -> None:
@@ -149,8 +146,12 @@ def _line_px(image: NDArray[np.uint8]) -> int:
 
 
 def _fixed(xy: Point) -> tuple[int, int]:
-    return round(float(xy[0]) * 2**_BITS), round(float(xy[1]) * 2**_BITS)
+    return round(_near(xy[0]) * 2**_BITS), round(_near(xy[1]) * 2**_BITS)
 
 
 def _nearest(xy: Point) -> tuple[int, int]:
-    return round(float(xy[0])), round(float(xy[1]))
+    return round(_near(xy[0])), round(_near(xy[1]))
+
+
+def _near(px: float) -> float:
+    return min(max(float(px), -_FARTHEST), _FARTHEST)

@@ -1,13 +1,14 @@
 """Result folders: files appear there whole, and all together, or not at all."""
 
 import csv
+import fcntl
 import json
 import os
 import resource
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,24 +30,53 @@ def result_folder(out: str | Path) -> Iterator[Path]:
     target = Path(out)
     is_new = not target.exists()
     try:
-        stage = _stage(target)
+        stage, lock = _stage(target)
         try:
             yield stage
             _publish(stage, target)
         finally:
             shutil.rmtree(stage, ignore_errors=True)
+            if lock is not None:
+                os.close(lock)
             if is_new and not any(target.iterdir()):
                 target.rmdir()
     except OSError as error:
         raise InputError(f"--out {out}: expected a folder that can be written: {error.strerror or error}") from error
 
 
-def _stage(target: Path) -> Path:
-    """Make a hidden folder inside `target`, so that the final renames stay on one file system."""
+def _stage(target: Path) -> tuple[Path, int | None]:
+    """Make a hidden folder inside `target`, so that the final renames stay on one file system; return it and its lock.
+
+    The kernel takes the lock from a run that is killed, by which the next one knows what that left behind.
+    """
     if target.exists() and not target.is_dir():
         raise InputError(f"--out {target}: expected a folder, found a file")
     target.mkdir(parents=True, exist_ok=True)
-    return Path(tempfile.mkdtemp(prefix=".unfinished-", dir=target))
+    guard = _lock(target, fcntl.LOCK_EX)  # between making and locking a folder, no other run takes it for left behind
+    try:
+        for old in target.glob(".unfinished-*") if guard is not None else ():
+            lock = _lock(old, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if lock is not None:
+                shutil.rmtree(old, ignore_errors=True)
+                os.close(lock)
+        stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=target))
+        return stage, _lock(stage, fcntl.LOCK_EX)
+    finally:
+        if guard is not None:
+            os.close(guard)
+
+
+def _lock(folder: Path, operation: int) -> int | None:
+    """Return the descriptor that holds a folder's lock; None where another run has it, or file systems have none."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(descriptor, operation)
+        except BaseException:
+            os.close(descriptor)
+            raise
+        return descriptor
+    return None
 
 
 def _publish(stage: Path, target: Path) -> None:
@@ -61,7 +91,7 @@ def _publish(stage: Path, target: Path) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Write plain values, or records of them (`to_plain`), as indented JSON; nan is refused, None is null."""
     text = json.dumps(to_plain(value), indent=2, allow_nan=False, ensure_ascii=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    path.write_bytes((text + "\n").encode("utf-8", "backslashreplace"))  # a file name may be no UTF-8: \udc80 in JSON
 
 
 def peak_memory_mb() -> float:

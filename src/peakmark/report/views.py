@@ -35,24 +35,9 @@ def write_views(
 ) -> tuple[AnyView, dict[str, str]]:
     """Write frame.png, overlay.png and the figures of the first view, and a film of all overlays.
 
-    Parameters
-    ----------
-    folder
-        Where.
-    views
-        One at least; none is kept but the first.
-    overlay
-        Returns the (H, W, 3) drawing on a view's frame.
-    figures
-        Returns matplotlib figures of a view by their files' names, without suffix.
-    film
-        Name of the film; None makes none.
-    on_view
-        Called with each view when it is written.
-
-    Returns
-    -------
-    The first view, and data URIs of "overlay" and each figure.
+    `overlay` draws on a view's frame, (H, W, 3); `figures` makes matplotlib figures by their files' names, without
+    suffix; `on_view` is called with each view when it is written. There must be a view; none is kept but the first.
+    `film` names the film; None makes none. Returns the first view, and data URIs of "overlay" and each figure.
     """
     drawn = filmed(views, overlay, None if film is None else folder / film)
     first, image = next(drawn)

@@ -11,6 +11,7 @@ from peaksim.geometry.pose import Pose, invert, transform
 from peaksim.scene.scene import Mark, Quad, Scene
 
 from peakmark.arrays.decode import MarkerArray
+from peakmark.localise.from_arrays import Place
 from peakmark.markers.array_code import THREE_BIT, Layout, code_of
 from peakmark.score.wanted import READABLE, polarity_of
 
@@ -25,15 +26,10 @@ class PrintedArray:
     name: str
     """Of the quad that carries it."""
     code: int
-    """The number that it encodes."""
     marks: tuple[str, ...]
     """Names of its marks in reading order."""
-    side_m: float
-    """Side of a marker, metres."""
-    centers_m: NDArray[np.float64]
-    """(k, 3) world centres of the marks."""
-    axes: NDArray[np.float64]
-    """(3, 2) unit vectors along rows (right) and columns (down), world."""
+    place: Place
+    """Where they are."""
     corners_m: NDArray[np.float64]
     """(4, 3) world corners of the square around it, the blank corner first, then clockwise."""
 
@@ -60,9 +56,7 @@ def _printed(quad: Quad, layout: Layout) -> PrintedArray | None:
         name=quad.name,
         code=code,
         marks=tuple(mark.name for mark in marks),
-        side_m=side,
-        centers_m=transform(quad.world_from_quad, centers),
-        axes=quad.world_from_quad[:3, :2] * [1, -1],
+        place=Place(transform(quad.world_from_quad, centers), quad.world_from_quad[:3, :2] * [1, -1], side),
         corners_m=transform(quad.world_from_quad, corners),
     )
 
@@ -82,9 +76,8 @@ class ArrayScore:
     in_view: tuple[str, ...]
     """Names of the arrays that must be read: every marker is `READABLE`, and the blank corner is in the image too."""
     decoded: tuple[str, ...]
-    """Those of them that were read correctly."""
     missed: tuple[str, ...]
-    """Those that were not."""
+    """Those of them that were read correctly, and those that were not."""
     wrong: int
     """Codes that were named where no array with that code lies."""
     right: dict[str, int]

@@ -1,7 +1,7 @@
 """Detections against truth: which markers were found, how precisely, and how far clutter stays below them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,11 @@ class Localisation:
     """Distances of found markers from their true centres."""
 
     bias: float | None
-    """Length of the mean error vector, px; None where nothing was found."""
     bias_xy: tuple[float, float] | None
-    """Mean error vector, detected − true, px."""
+    """Length of the mean error vector, detected − true, and the vector, px; None where nothing was found."""
     rms: float | None
-    """Root mean square distance, px."""
     p95: float | None
-    """95th percentile of the distance, px."""
+    """Root mean square and 95th percentile of the distance, px."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +31,10 @@ class MarkerScore:
     """What became of a visible marker."""
 
     name: str
-    """Of the mark."""
     side_px: float
-    """True side in the image."""
     tilt_deg: float
-    """True tilt."""
     distance_m: float
-    """True distance."""
+    """True side in the image, tilt and distance."""
     is_in_view: bool
     """Whether it is fully in view."""
     is_wanted: bool
@@ -55,16 +50,17 @@ class MarkerScore:
 
 
 @dataclass(frozen=True)
-class Score:
-    """One frame's result."""
+class ScoreSummary:
+    """One frame's result without the single markers: what files keep of it."""
 
-    markers: tuple[MarkerScore, ...]
-    """All visible markers."""
+    markers_in_view: int
+    markers_found: int
+    """Markers that must be found, and those that were."""
+    missed: tuple[str, ...]
+    """Names of the others."""
     false_detections: int
     """Detections that are within the tolerance of no visible marker."""
-    matches: dict[str, int]
-    """Marker name → index into the detections, partly visible markers included."""
-    localisation: Localisation
+    localisation_px: Localisation
     """Of the found markers that are fully in view."""
     rank_of_last_marker: int | None
     """Rank among all features of the strongest feature of the weakest of them; None where nothing was found."""
@@ -75,20 +71,15 @@ class Score:
     response_drop: float | None
     """Response of the weakest found marker over the strongest clutter; > 1 is unique detectability."""
 
-    @property
-    def wanted(self) -> int:
-        """Number of markers that must be found."""
-        return sum(marker.is_wanted for marker in self.markers)
 
-    @property
-    def found(self) -> int:
-        """Number of those that were."""
-        return sum(marker.is_wanted and marker.is_found for marker in self.markers)
+@dataclass(frozen=True)
+class Score(ScoreSummary):
+    """One frame's result."""
 
-    @property
-    def missed(self) -> tuple[str, ...]:
-        """Names of those that were not."""
-        return tuple(marker.name for marker in self.markers if marker.is_wanted and not marker.is_found)
+    markers: tuple[MarkerScore, ...]
+    """All visible markers."""
+    matches: dict[str, int]
+    """Marker name → index into the detections, partly visible markers included."""
 
     @property
     def polarity_errors(self) -> int:
@@ -100,43 +91,9 @@ class Score:
         """Wanted markers that were found with a signature nearer to that of the other polarity."""
         return sum(marker.is_wanted and marker.is_signature_right is False for marker in self.markers)
 
-    def summary(self) -> "ScoreSummary":
+    def summary(self) -> ScoreSummary:
         """Return counts and errors, without the single markers."""
-        return ScoreSummary(
-            markers_in_view=self.wanted,
-            markers_found=self.found,
-            missed=self.missed,
-            false_detections=self.false_detections,
-            localisation_px=self.localisation,
-            rank_of_last_marker=self.rank_of_last_marker,
-            false_above_last_marker=self.false_above_last_marker,
-            strongest_clutter=self.strongest_clutter,
-            response_drop=self.response_drop,
-        )
-
-
-@dataclass(frozen=True)
-class ScoreSummary:
-    """What results keep of a frame's score; the fields are those of `Score`, under the names that files have."""
-
-    markers_in_view: int
-    """`Score.wanted`."""
-    markers_found: int
-    """`Score.found`."""
-    missed: tuple[str, ...]
-    """Names of the others."""
-    false_detections: int
-    """Detections at no visible marker."""
-    localisation_px: Localisation
-    """Of the found markers that are fully in view."""
-    rank_of_last_marker: int | None
-    """1-based, among all features."""
-    false_above_last_marker: int | None
-    """Features of no marker that are stronger than the weakest marker's."""
-    strongest_clutter: float | None
-    """A response."""
-    response_drop: float | None
-    """Response of the weakest found marker over the strongest clutter."""
+        return ScoreSummary(**{field.name: getattr(self, field.name) for field in fields(ScoreSummary)})
 
 
 def score_frame(
@@ -148,18 +105,8 @@ def score_frame(
 ) -> Score:
     """Score one frame's detections, and the features that they were chosen from, against truth.
 
-    Parameters
-    ----------
-    truth
-        Records of all markers of the scene.
-    detections
-        Identified markers.
-    features
-        All key points, strongest first, in the coordinates of the truth.
-    wanted
-        Which markers must be found.
-    tolerance_px
-        Largest distance from a true centre that counts as found.
+    `truth` holds all markers of the scene, `features` all key points, strongest first, in its coordinates; `wanted`
+    says which markers must be found, `tolerance_px` how far from a true centre at most.
     """
     visible = [t for t in truth if t.visible_fraction > 0]
     matches = match(visible, detections, tolerance_px)
@@ -169,29 +116,35 @@ def score_frame(
     ranks = [_strongest(owner, visible.index(t)) for t in found]
     last = max((rank for rank in ranks if rank is not None), default=None)
     clutter = _strongest(owner, -1)
-    drop = None if last is None or clutter is None else features.response[last] / features.response[clutter]
+    drop = None if last is None or clutter is None else _ratio(features.response[last], features.response[clutter])
     found_as = {name: detections[index] for name, index in matches.items()}
+    markers = tuple(_result(t, found_as.get(t.name), features, wanted) for t in visible)
+    required = [marker for marker in markers if marker.is_wanted]
     return Score(
-        markers=tuple(_result(t, found_as.get(t.name), features, wanted) for t in visible),
+        markers=markers,
+        markers_in_view=len(required),
+        markers_found=sum(marker.is_found for marker in required),
+        missed=tuple(marker.name for marker in required if not marker.is_found),
         false_detections=len(detections) - len(matches),
         matches=matches,
-        localisation=localisation(errors),
+        localisation_px=localisation(errors),
         rank_of_last_marker=None if last is None else last + 1,
         false_above_last_marker=None if last is None else int((owner[:last] == -1).sum()),
         strongest_clutter=None if clutter is None else float(features.response[clutter]),
-        response_drop=None if drop is None else float(drop),
+        response_drop=drop,
     )
+
+
+def _ratio(response: np.float32, other: np.float32) -> float | None:
+    """Return a ratio of responses; None where it is no finite number, as for a detector that gives none."""
+    with np.errstate(all="ignore"):
+        ratio = float(response / other)
+    return ratio if np.isfinite(ratio) else None
 
 
 def _result(truth: MarkerTruth, detection: Detection | None, features: Keypoints, wanted: Wanted) -> MarkerScore:
-    known = (
-        truth.name,
-        truth.side_px,
-        truth.tilt_deg,
-        truth.distance_m,
-        IN_VIEW.includes(truth),
-        wanted.includes(truth),
-    )
+    geometry = (truth.name, truth.side_px, truth.tilt_deg, truth.distance_m)
+    known = (*geometry, IN_VIEW.includes(truth), wanted.includes(truth))
     if detection is None:
         return MarkerScore(*known, is_found=False)
     polarity = polarity_of(truth.kind)

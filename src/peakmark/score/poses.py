@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.geometry.pose import Pose, pose_distance
+from peaksim.geometry.pose import Pose, pose_distance, rigid
 
 from peakmark.errors import InputError
 
@@ -32,13 +32,11 @@ class TrajectoryErrors:
     """Errors of a trajectory, as evo defines them."""
 
     ate_rmse_mm: float
-    """Absolute error of the positions, root mean square."""
     ate_max_mm: float
-    """The largest of them."""
+    """Absolute errors of the positions, root mean square and largest."""
     rpe_rmse_mm: float
-    """Relative error from a pose to the next, root mean square."""
     rpe_rmse_deg: float
-    """The same of rotations."""
+    """Relative errors from a pose to the next, of positions and rotations, root mean square."""
 
 
 def trajectory_errors(
@@ -46,20 +44,10 @@ def trajectory_errors(
 ) -> TrajectoryErrors | None:
     """Return evo's absolute and relative errors of the frames that have an estimate; None with fewer than three.
 
-    Parameters
-    ----------
-    times_s
-        (n,) of the frames.
-    truth, estimate
-        n poses `world_from_camera` each.
-    is_aligned
-        Whether the estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight path,
-        which leaves that open, is put on the first pose).
-
-    Raises
-    ------
-    InputError
-        If evo is not installed.
+    `times_s` are those of n frames, `truth` and `estimate` their poses `world_from_camera`. With `is_aligned` the
+    estimate is first moved as a whole to fit the truth best (Umeyama, without scale; a straight path, which leaves that
+    open, is put on the first pose). Evo is an extra; an `InputError` says how to
+    install it, or that a pose is not rigid.
     """
     try:
         from evo.core import metrics
@@ -67,12 +55,12 @@ def trajectory_errors(
         from evo.core.trajectory import PoseTrajectory3D
     except ImportError as error:
         raise InputError("trajectory errors need evo: pip install 'peakmark[evo]'") from error
-    rows = [k for k, pose in enumerate(estimate) if pose is not None]
-    if len(rows) < 3:
+    known = {k: rigid(pose, f"estimate[{k}]") for k, pose in enumerate(estimate) if pose is not None}
+    if len(known) < 3:
         return None
     reference, own = (
-        PoseTrajectory3D(poses_se3=[np.asarray(poses[k]) for k in rows], timestamps=times_s[rows])
-        for poses in (truth, estimate)
+        PoseTrajectory3D(poses_se3=poses, timestamps=times_s[list(known)])
+        for poses in ([rigid(truth[k], f"truth[{k}]") for k in known], list(known.values()))
     )
     if is_aligned:
         try:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +19,8 @@ class Rate:
     value: float | None
     """0…1; None without cases."""
     low: float | None
-    """Lower end of the Wilson interval."""
     high: float | None
-    """Upper end."""
+    """Ends of the Wilson interval."""
     of: int
     """Cases."""
 
@@ -119,9 +118,8 @@ class Bin:
     """What was found of the markers in one bin of a quantity."""
 
     low: float
-    """Of the bin, itself in it."""
     high: float
-    """Of the bin, no longer in it."""
+    """Of the bin, the lower itself in it, the upper not."""
     recall: Rate
     """Of the markers in it."""
     error_px: Quantiles
@@ -131,18 +129,9 @@ class Bin:
 def recall_by(
     edges: Sequence[float], quantity: ArrayLike, errors_px: ArrayLike, percents: tuple[int, ...] = (50, 95)
 ) -> list[Bin]:
-    """Return one row for each bin that holds markers.
+    """Return one row for each bin, between rising edges, that holds markers.
 
-    Parameters
-    ----------
-    edges
-        Of the bins, rising.
-    quantity
-        (n,) of the markers that count.
-    errors_px
-        (n,) their localisation errors, nan where a marker was not found.
-    percents
-        Quantiles of the errors.
+    `quantity` is that of the (n,) markers that count, `errors_px` their localisation errors, nan where not found.
     """
     values, errors = np.asarray(quantity, dtype=np.float64), np.asarray(errors_px, dtype=np.float64)
     rows = []
@@ -161,7 +150,10 @@ def percentile_interval(values: NDArray[np.float64], level: float) -> tuple[floa
     """Return the middle `level` of bootstrapped values; None where more than one in twenty is nan."""
     if np.isnan(values).mean() > 0.05:
         return None
-    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2])
+    method: Literal["nearest", "linear"] = (
+        "nearest" if np.isinf(values).any() else "linear"
+    )  # between infinities there is nothing
+    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2], method=method)
     return float(low), float(high)
 
 

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from peaksim.camera.frame import MarkerTruth
 
 from peakmark.identification.stretch import Stretch
 from peakmark.markers.patterns import Polarity
@@ -25,33 +24,6 @@ STEEPEST_DEG = 45.0
 """Tilt up to which markers on walls, and arrays, must be read; chosen by hand, for nothing is stretched there."""
 
 
-class Visible(Protocol):
-    """What must be known of a marker: a `MarkerTruth`, or what a record keeps of one."""
-
-    @property
-    def kind(self) -> str:
-        """Its printed pattern, such as "surf-dark"."""
-
-    @property
-    def center_xy(self) -> NDArray[np.float64]:
-        """(2,) projected centre, px."""
-
-    @property
-    def side_px(self) -> float:
-        """Side in the image."""
-
-    @property
-    def tilt_deg(self) -> float:
-        """Angle between its normal and the ray to the camera."""
-
-    @property
-    def visible_fraction(self) -> float:
-        """Share of it that is visible, 0…1."""
-
-
-Marker = TypeVar("Marker", bound=Visible)
-
-
 @dataclass(frozen=True)
 class Wanted:
     """What a marker must be like to count as one that must be found; every limit is itself allowed."""
@@ -59,19 +31,17 @@ class Wanted:
     min_side_px: float = 0.0
     """Smallest side, after stretching."""
     max_tilt_deg: float = 90.0
-    """Largest tilt."""
     min_visible: float = FULLY_IN_VIEW
-    """Smallest visible fraction."""
     kinds: tuple[str, ...] = ()
     """Beginnings of the kinds that count; empty for all."""
     stretch: Stretch = 1.0
     """Vertical stretch before detection: one factor, or (H,) one for each row; it makes markers larger."""
 
-    def of(self, markers: Iterable[Marker]) -> list[Marker]:
+    def of(self, markers: Iterable[MarkerTruth]) -> list[MarkerTruth]:
         """Return the markers that must be found."""
         return [marker for marker in markers if self.includes(marker)]
 
-    def includes(self, marker: Visible) -> bool:
+    def includes(self, marker: MarkerTruth) -> bool:
         """Return whether a marker must be found."""
         return (
             self.counts(marker)
@@ -80,7 +50,7 @@ class Wanted:
             and stretched_side_px(marker, self.stretch) >= self.min_side_px
         )
 
-    def counts(self, marker: Visible) -> bool:
+    def counts(self, marker: MarkerTruth) -> bool:
         """Return whether a marker is of a kind that counts, so that finding it is at least not wrong."""
         return not self.kinds or marker.kind.startswith(self.kinds)
 
@@ -92,7 +62,7 @@ READABLE = Wanted(min_side_px=SMALLEST_PX, max_tilt_deg=STEEPEST_DEG)
 """Markers on walls: fully in view, large and square enough to be read."""
 
 
-def stretched_side_px(marker: Visible, stretch: Stretch) -> float:
+def stretched_side_px(marker: MarkerTruth, stretch: Stretch) -> float:
     """Return a marker's side once the image is stretched vertically: the square root of its area there."""
     factor = np.asarray(stretch, dtype=np.float64)
     if factor.ndim == 0:

@@ -8,28 +8,21 @@ import sys
 import zlib
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from PIL import Image
 
 from peakmark import surf
-from peakmark.cli.detect_files import detect_files, read_film, read_images
+from peakmark.cli.command import COMPILING
+from peakmark.cli.detect_files import FailedFile, detect_files, read_images
+from peakmark.cli.film_file import read_film
 from peakmark.errors import ImageError, InputError
 from peakmark.keypoints.keypoints import Keypoints
+from tests.peakmark.cli.films import write_film
 from tests.places import SOURCES
 from tests.samples import assert_equal, speckled
 
 GRAY = speckled(96, 128, 4)
-
-
-def write_film(path: Path, frames: list[np.ndarray]) -> None:
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("mpeg4", rate=10)
-        stream.width, stream.height, stream.pix_fmt = frames[0].shape[1], frames[0].shape[0], "yuv420p"
-        for pixels in frames:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.dstack([pixels] * 3), format="rgb24")))
-        container.mux(stream.encode())
 
 
 def write_bomb(path: Path, side: int) -> None:
@@ -144,3 +137,131 @@ def test_damaged_files_end_in_one_line_and_exit_2(tmp_path: Path, damage: str, m
     assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert message in done.stderr
     assert not (tmp_path / "k.npz").exists()
+
+
+def write_folder(folder: Path) -> None:
+    """Write two sound images, a cut one, what macOS leaves beside files on other systems, and a folder and a pipe."""
+    folder.mkdir()
+    for name in ("a.png", "c.png", "cut.png"):
+        Image.fromarray(GRAY).save(folder / name)
+    (folder / "cut.png").write_bytes((folder / "a.png").read_bytes()[:2000])
+    (folder / "._a.png").write_bytes(b"\0\5\x16\7\0\2\0\0Mac OS X        " + bytes(60))
+    (folder / "folder.png").mkdir()
+    os.mkfifo(folder / "pipe.png")
+
+
+def test_bad_files_of_a_folder_are_named_and_left_out(tmp_path: Path) -> None:
+    write_folder(tmp_path / "in")
+    done = peakmark("detect", tmp_path / "in", "--out", tmp_path / "out", "--quiet")
+    assert done.returncode == 1
+    lines = done.stderr.splitlines()
+    assert [line.split(": ")[1] for line in lines] == [
+        str(tmp_path / "in" / name) for name in ("._a.png", "cut.png", "folder.png", "pipe.png")
+    ]
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    assert [one["name"] for one in result["pictures"]] == ["a", "c"]
+    assert [one["name"] for one in result["failed"]] == ["._a.png", "cut.png", "folder.png", "pipe.png"]
+    assert [f"error: {one['reason']}" for one in result["failed"]] == lines
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.npz", "c.npz", "result.json"]
+
+
+def test_a_second_run_into_the_source_does_not_read_its_own_overlays(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        Image.fromarray(GRAY).save(tmp_path / f"{name}.png")
+    Image.fromarray(GRAY).save(tmp_path / "mine.overlay.png")  # no key points beside it: an image like others
+    for _ in range(2):
+        records = detect_files(tmp_path, tmp_path, overlay=True)
+        assert [record.name for record in records] == ["a", "b", "mine.overlay"]
+
+
+@pytest.mark.parametrize("out", ["/proc/none", "/proc/none/k.npz", "a.png", "a.png/k.npz", "a.png/deeper"])
+def test_where_nothing_can_be_written_is_one_line(tmp_path: Path, out: str) -> None:
+    Image.fromarray(GRAY).save(tmp_path / "a.png")
+    before = (tmp_path / "a.png").read_bytes()
+    done = peakmark("detect", tmp_path / "a.png", "--out", tmp_path / out, "--quiet")
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: --out {tmp_path / out}: expected a path that can be written: ")
+    assert len(done.stderr.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+    assert (tmp_path / "a.png").read_bytes() == before
+
+
+def test_a_film_that_ends_early_keeps_what_was_done_and_says_so(tmp_path: Path) -> None:
+    write_film(tmp_path / "f.avi", list(np.random.default_rng(0).integers(0, 255, (12, 96, 128), dtype=np.uint8)))
+    whole = (tmp_path / "f.avi").read_bytes()
+    (tmp_path / "f.avi").write_bytes(whole[: len(whole) // 2] + bytes(len(whole) - len(whole) // 2))
+    done = peakmark("detect", tmp_path / "f.avi", "--out", tmp_path / "out", "--quiet")
+    assert done.returncode == 1
+    assert "f.avi: expected a film, damaged: it states 1.2 s" in done.stderr
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    assert 0 < len(result["pictures"]) < 12
+    assert [one["name"] for one in result["failed"]] == ["f.avi"]
+
+
+def test_a_run_that_is_stopped_midway_leaves_its_summary(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    for name in ("a", "b"):
+        Image.fromarray(GRAY).save(tmp_path / "in" / f"{name}.png")
+
+    def stop(one: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        detect_files(tmp_path / "in", tmp_path / "out", on_image=stop)
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    assert [one["name"] for one in result["pictures"]] == ["a"]
+
+
+def test_an_image_on_which_the_detector_fails_is_left_out(tmp_path: Path) -> None:
+    for name, rows in (("a", 96), ("b", 95)):
+        Image.fromarray(GRAY[:rows]).save(tmp_path / f"{name}.png")
+    failures: list[FailedFile] = []
+    parameters = {"mask": np.ones(GRAY.shape, dtype=bool)}
+    records = detect_files(tmp_path, tmp_path / "out", parameters=parameters, on_failure=failures.append)
+    assert [record.name for record in records] == ["a"]
+    assert [one.name for one in failures] == ["b"]
+    assert "mask" in failures[0].reason
+
+
+def test_key_points_called_result_do_not_become_the_summary(tmp_path: Path) -> None:
+    Image.fromarray(GRAY).save(tmp_path / "result.png")
+    with pytest.raises(InputError, match=r"result: expected --format npz or csv, as result\.json is the summary"):
+        detect_files(tmp_path, tmp_path / "out", ending=".json")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("ending", ["jpg", "tif"])
+def test_photographs_are_upright_unless_the_sensors_own_pixels_are_asked_for(tmp_path: Path, ending: str) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    tags = {"tiffinfo": {0x0112: 6}} if ending == "tif" else {"exif": exif, "quality": 95}
+    Image.fromarray(GRAY).save(tmp_path / f"a.{ending}", **tags)
+    for options, size in (((), "96×128"), (("--raw-orientation",), "128×96")):
+        done = peakmark("detect", tmp_path / f"a.{ending}", "--out", tmp_path / "k.npz", *options)
+        assert f"key points in {size} px" in done.stdout, done.stderr
+
+
+def test_the_eight_and_the_floating_point_image_have_the_same_key_points(tmp_path: Path) -> None:
+    Image.fromarray(GRAY).save(tmp_path / "a.tif")
+    Image.fromarray(GRAY.astype(np.float32) / np.float32(255)).save(tmp_path / "b.tif")
+    Image.fromarray(GRAY.astype(np.uint16) * 257).save(tmp_path / "c.tif")
+    counts = {record.keypoints for record in detect_files(tmp_path, tmp_path / "out")}
+    assert counts == {len(surf.detect_and_describe(GRAY))} != {0}
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "ascii", "utf-8"])
+def test_a_terminal_of_another_encoding_and_names_of_no_encoding(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "in").mkdir()
+    for name in (b"a.png", b"b\xff\x1b[31m.png"):
+        Image.fromarray(GRAY).save(tmp_path / "a.png")
+        os.rename(tmp_path / "a.png", os.fsencode(tmp_path / "in") + b"/" + name)
+    command = [sys.executable, "-m", "peakmark.cli", "detect", str(tmp_path / "in"), "--out", str(tmp_path / "out")]
+    environment = {**os.environ, "PYTHONPATH": SOURCES, "PYTHONIOENCODING": f"{encoding}:strict"}
+    done = subprocess.run(command, capture_output=True, check=False, env=environment, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.decode().replace(f"{COMPILING}\n", "") == ""
+    assert len(done.stdout.splitlines()) == 2
+    assert b"\x1b" not in done.stdout
+    assert b"b\\udcff\\x1b[31m: " in done.stdout
+    result = json.loads((tmp_path / "out" / "result.json").read_bytes())
+    assert [one["name"] for one in result["pictures"]] == ["a", "b\udcff\x1b[31m"]

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -48,4 +49,19 @@ def test_unknown_cameras_are_refused(camera):
 def test_bad_options_are_refused_before_anything_is_written(tmp_path, option):
     done = CliRunner().invoke(app, ["envelope", "--out", str(tmp_path / "out"), *option])
     assert isinstance(done.exception, InputError)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("camera", ["2048x1536", "2048×1536", "640.0x480"])
+def test_a_camera_without_focal_length_is_asked_for_it(camera: str) -> None:
+    with pytest.raises(InputError, match=rf"--camera: expected .* WIDTHxHEIGHT@FOCAL_PX .*, got '{camera}'"):
+        focal_length_px(camera)
+
+
+@pytest.mark.parametrize("side", ["80", "0.0001", "nan"])
+def test_a_side_in_another_unit_is_asked_about(tmp_path: Path, side: str) -> None:
+    done = CliRunner().invoke(app, ["envelope", "--out", str(tmp_path / "out"), "--side-m", side])
+    assert isinstance(done.exception, InputError)
+    expected = f"--side-m: expected the printed side in metres, 0.001…5, got {side}; is it in mm or cm?"
+    assert str(done.exception) == expected
     assert not (tmp_path / "out").exists()

@@ -22,6 +22,7 @@ def run(*arguments):
         (["surf", "--light", "--limit", "range", "--count", "2"], "surf-range-light-80mm.pdf", 2),
         (["sift", "--side-mm", "40", "--format", "svg"], "sift-dark-40mm.svg", 1),
         (["array", "--side-mm", "30"], "array-30mm.pdf", 24),
+        (["array-5"], "array-5-60mm.pdf", 3),
         (["array-5", "--side-mm", "60", "--paper", "a3", "--landscape"], "array-5-60mm.pdf", 3),
     ],
 )

@@ -76,6 +76,41 @@ def test_a_missing_or_foreign_baseline_is_one_line_and_status_2(
         assert not (tmp_path / "out").exists()
 
 
+def test_control_characters_reach_no_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = replace(sound(), suite="\x1b[2J\x07[red]suite")
+    run = run_folder(tmp_path / "run", made)
+    assert peakmark("regress", "compare", run, "--baseline", run / "run.json", "--out", tmp_path / "\x1b[31mout") == 0
+    out = capsys.readouterr().out
+    assert "\\x1b[2J\\x07[red]suite" in "".join(out.split())
+    assert not {"\x1b", "\x07"} & set(out)
+
+
+@pytest.mark.parametrize("bad", ["NaN", "Infinity", "-Infinity", "1e999", "1e300", "9" * 400, '"7"', "[" * 100_000])
+def test_a_baseline_without_numbers_is_no_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str], bad: str) -> None:
+    lost = replace(sound(), results=tuple(replace(f, markers={"a": missed(), "b": missed()}) for f in sound().results))
+    run = run_folder(tmp_path / "run", lost)
+    baseline = tmp_path / "baseline.json"
+    baseline.write_text(
+        to_text(sound()).replace('"xy": [50.0,', f'"xy": [{bad},').replace('"side_px": 30.0', f'"side_px": {bad}')
+    )
+    assert peakmark("regress", "compare", run, "--baseline", baseline, "--out", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {baseline}: expected the record of a run: ")
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_damaged_image_of_the_run_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lost = replace(sound(), results=tuple(replace(f, markers={"a": missed(), "b": missed()}) for f in sound().results))
+    run = run_folder(tmp_path / "run", lost)
+    (tmp_path / "baseline.json").write_text(to_text(sound()))
+    (run / "pictures").mkdir()
+    for i in range(20):
+        (run / "pictures" / f"{i:08d}.jpg").write_bytes(b"%!PS-Adobe")
+    assert peakmark("regress", "compare", run, "--baseline", tmp_path / "baseline.json", "--out", tmp_path / "out") == 2
+    assert capsys.readouterr().err.startswith(f"error: {run / 'pictures'}/00000000.jpg: expected an image")
+
+
 def test_accepting_writes_whole_or_not_at_all(tmp_path: Path) -> None:
     run = run_folder(tmp_path / "run", sound())
     (tmp_path / "folder").mkdir()
@@ -111,6 +146,9 @@ def test_hostile_names_stay_in_the_folder_and_run_nothing(tmp_path: Path) -> Non
         (("floor", "--detector", "yolo"), "detector: expected one of"),
         (("floor", "--detector", "no_module:f"), "cannot be imported"),
         (("floor", "--stretch", "99"), "stretch: expected 0.25…8"),
+        (("floor", "--stretch", "2", "--detector", "sift"), "--stretch 2: expected none for detector sift"),
+        (("floor", "--seed", "-1"), "--seed: expected 0…2⁶³−1, got -1"),
+        (("floor", "--start-limit", "0"), "start limit: expected more than 0 and at most 86400 s, got 0"),
         (("floor", "--workers", "2", "--dask", "tcp://x"), "--workers or --dask, not both"),
         (("floor", "--dask", "tcp://127.0.0.1:9"), "expected a scheduler, none answers there"),
     ],

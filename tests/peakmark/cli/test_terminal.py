@@ -1,5 +1,6 @@
 """What the terminal shows: bars that count, tables that line up, and nothing where it shall be quiet."""
 
+import re
 from io import StringIO
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import pytest
 from rich.console import Console
 
 from peakmark.cli.options import given
-from peakmark.cli.terminal import FIGURES, print_path, print_table, progress_bar
+from peakmark.cli.terminal import FIGURES, new_console, print_path, print_table, progress_bar
+from tests.places import ROOT
 
 
 @pytest.mark.parametrize("quiet", [False, True])
@@ -39,3 +41,20 @@ def test_a_path_is_one_line_as_it_is() -> None:
 
 def test_only_what_was_stated_is_given() -> None:
     assert given(threshold=0.0, octaves=None, upright=False, extended=True) == {"threshold": 0.0, "extended": True}
+
+
+def test_brackets_and_colons_are_text_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
+    console = new_console()
+    console.print("pip install 'peakmark[evo]' :smile:")
+    print_table(console, "[bold]floor[/] :x:", ("[red]a", "b"), [("my[scene]", "[/]")])
+    shown = capsys.readouterr().out
+    for text in ("peakmark[evo]' :smile:", "[bold]floor[/] :x:", "[red]a", "my[scene]", "[/]"):
+        assert text in shown
+    print_table(new_console(quiet=True), "a", FIGURES, [("b", 1)])
+    assert capsys.readouterr().out == ""
+
+
+def test_every_command_prints_through_the_one_console() -> None:
+    for path in (ROOT / "src" / "peakmark" / "cli").glob("*.py"):
+        made = re.findall(r"(?<!new_)\b[Cc]onsole\(|[Tt]yper\(", path.read_text(encoding="utf-8"))
+        assert len(made) == {"terminal.py": 1, "command.py": 1}.get(path.name, 0), path

@@ -113,10 +113,40 @@ def test_a_users_function_may_return_our_key_points_or_opencvs(own):
         assert (found.descriptors is not None) == (name == "own:described")
 
 
-def test_what_is_no_key_points_is_named(own):
-    own.bad = lambda gray: 7
-    with pytest.raises(InputError, match=r"expected Keypoints, .* got int"):
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (7, "got int"),
+        ("ab", "got str"),
+        ([1, 2], "got list of int"),
+        ([[1, 2], [3]], "got list of list"),
+        (["ab", "cd"], "got list of str"),
+        (np.zeros((4, 3)), r"got an array of float64 and shape \(4, 3\)"),
+        (np.zeros((4, 2), complex), r"got an array of complex128 and shape \(4, 2\)"),
+        ((np.zeros((2, 2)), np.zeros((2, 64))), "got tuple of ndarray"),
+        (None, "got NoneType"),
+    ],
+)
+def test_what_is_no_key_points_is_named(own, found, words):
+    own.bad = lambda gray: found
+    with pytest.raises(InputError, match=f"expected Keypoints, an .n, 2. array of points, .* {words}"):
         find_detector("own:bad")(np.zeros((9, 9), np.uint8))
+
+
+@pytest.mark.parametrize("found", [((1, 2), (3, 4)), [[1, 2], [3, 4]], np.array([[1, 2], [3, 4]])])
+def test_positions_alone_are_key_points(own, found):
+    own.points = lambda gray: found
+    keypoints = find_detector("own:points")(np.zeros((9, 9), np.uint8))
+    np.testing.assert_array_equal(keypoints.xy, [[1, 2], [3, 4]])
+    assert not keypoints.laplacian.any()
+    assert (keypoints.angle == -1).all()
+
+
+@pytest.mark.parametrize("name", ["sift", "cv2:ORB", "cv2:AKAZE"])
+def test_class_ids_of_others_than_surf_are_no_polarity(name):
+    found = find_detector(name)(marker_view(60))
+    assert len(found) > 0
+    assert not found.laplacian.any()
 
 
 @pytest.mark.parametrize("name", ["", "surfing", "cv2:Nothing", "cv2:BFMatcher", "cv2:", "cv2:LDA", "numpy:pi"])
@@ -136,3 +166,10 @@ def test_vlfeat_without_pycolmap_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     with pytest.raises(InputError, match=r"pip install 'peakmark\[vlfeat\]'"):
         find_detector("vlfeat")
+
+
+def test_a_mistyped_parameter_gets_a_guess() -> None:
+    with pytest.raises(
+        InputError, match=r"surf: unknown parameter treshold \(did you mean 'threshold'\?\), expected some"
+    ):
+        settings_of("surf", {"treshold": 1.0})

@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from peakmark.errors import InputError
-from peakmark.identification.classifier import COLUMNS, Classifier, load_classifier, shipped_classifier
+from peakmark.identification.classifier import COLUMNS, Classifier, Layer, load_classifier, shipped_classifier
 from peakmark.identification.evidence import feature_evidence
 from peakmark.identification.search import detect_features
+from peakmark.plain import to_plain
 from tests.helpers import marker_view
 
 LINE: dict[str, Any] = {
@@ -26,14 +27,14 @@ LINE: dict[str, Any] = {
 
 def test_one_layer_is_a_line_in_the_standardised_columns() -> None:
     rows = np.array([[3.0, 0.5, 9.0, 9.0], [5.0, 0.3, 0.0, 0.0]])
-    assert np.allclose(Classifier.from_json(LINE).scores(rows), [1.0, 1 + 4 * 1.0 - 2 * -2.0])
+    assert np.allclose(Classifier.from_plain(LINE).scores(rows), [1.0, 1 + 4 * 1.0 - 2 * -2.0])
 
 
 @given(st.integers(0, 2**32))
 def test_more_layers_have_tanh_between_them(seed: int) -> None:
     rng = np.random.default_rng(seed)
     first, second, b1, b2 = rng.normal(size=(4, 3)), rng.normal(size=(3, 1)), rng.normal(size=3), rng.normal(size=1)
-    classifier = Classifier(COLUMNS, np.zeros(4), np.ones(4), ((first, b1), (second, b2)), 0.0)
+    classifier = Classifier(COLUMNS, np.zeros(4), np.ones(4), (Layer(first, b1), Layer(second, b2)), 0.0)
     rows = rng.normal(size=(5, 4))
     expected = [sum(np.tanh(row @ first[:, k] + b1[k]) * second[k, 0] for k in range(3)) + b2[0] for row in rows]
     assert np.allclose(classifier.scores(rows), expected)
@@ -41,8 +42,8 @@ def test_more_layers_have_tanh_between_them(seed: int) -> None:
 
 def test_files_keep_every_digit(tmp_path: Path) -> None:
     path = tmp_path / "c.json"
-    path.write_text(json.dumps(shipped_classifier().to_json()))
-    assert load_classifier(path).to_json() == shipped_classifier().to_json()
+    path.write_text(json.dumps(to_plain(shipped_classifier())))
+    assert to_plain(load_classifier(path)) == to_plain(shipped_classifier())
 
 
 @pytest.mark.parametrize(
@@ -63,7 +64,7 @@ def test_files_keep_every_digit(tmp_path: Path) -> None:
 )
 def test_faulty_classifiers_are_refused(change: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="classifier: expected"):
-        Classifier.from_json({**LINE, **change})
+        Classifier.from_plain({**LINE, **change})
 
 
 @pytest.mark.parametrize(

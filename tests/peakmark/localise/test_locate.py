@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from peakmark.errors import InputError
+from peakmark.localise.floor import floor_of_pose
 from peakmark.localise.locate import FEWEST, FloorMap, locate
 from peakmark.localise.pose import CERTAIN, refined_sigmas
 from tests.floor_views import CAMERA, SIDE_M, Seen, apart, pose_at, view, winding_map
@@ -120,3 +121,14 @@ def test_bad_input_is_named() -> None:
         FloorMap(np.array([[0, np.nan, 0]]), 0.08)
     with pytest.raises(InputError, match="map: expected a side above 0 m, got 0"):
         FloorMap(np.zeros((1, 3)), 0)
+
+
+MIRRORED = np.diag([1.0, 1.0, -1.0, 1.0])
+
+
+def test_a_mirrored_start_is_refused() -> None:
+    floor_map = winding_map(np.random.default_rng(0))
+    with pytest.raises(InputError, match=r"near: expected a rigid transform .* got a mirrored one"):
+        locate(CAMERA, floor_map, np.zeros((9, 2)), side_px=np.full(9, 20.0), near=MIRRORED)
+    with pytest.raises(InputError, match=r"world_from_camera: expected a rigid transform .* got a mirrored one"):
+        floor_of_pose(MIRRORED)

@@ -83,3 +83,9 @@ def test_laplacian_of_gaussian_is_matched_by_its_sign_under_range():
     half_r2 = np.add.outer(t**2, t**2) / (2 * 3.0**2)
     best = linear_optimum((half_r2 - 1) * np.exp(-half_r2), "range")
     np.testing.assert_array_equal(best.x < 0, half_r2 < 1)
+
+
+def test_a_limit_that_is_none_is_refused() -> None:
+    for call in (lambda: linear_optimum([1.0, -1.0], "foo"), lambda: quadratic_optimum(np.eye(2), np.eye(2), "foo")):  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="limit: expected one of energy, range, got 'foo'"):
+            call()

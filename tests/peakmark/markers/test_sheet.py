@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 from peakmark import marker
 from peakmark.errors import InputError
 from peakmark.markers.sheet import (
+    MARGIN_MM,
+    SMALLEST_TEXT_MM,
     Page,
     Placed,
     Print,
@@ -17,7 +19,7 @@ from peakmark.markers.sheet import (
     printable,
 )
 from peakmark.markers.sheet_files import raster
-from peakmark.markers.sheet_shapes import Box
+from peakmark.markers.sheet_shapes import Box, Text, text_length
 
 A4 = (210.0, 297.0)
 
@@ -122,3 +124,46 @@ def test_raster_keeps_position_and_ink_of_a_marker_at_any_phase(side, x, y, dpi)
     rows, columns = np.indices(ink.shape)
     assert (ink * (columns + 0.5)).sum() / ink.sum() / dots == pytest.approx(x, abs=0.02)
     assert (ink * (rows + 0.5)).sum() / ink.sum() / dots == pytest.approx(y, abs=0.02)
+
+
+@pytest.mark.parametrize("limit", [50.0, 66.0, 116.0, 140.0, 210.0])
+@pytest.mark.parametrize(("side", "border"), [(2.0, 0.0), (5.0, 1.0), (10.0, 3.0)])
+@pytest.mark.parametrize("label", ["", "tray 12 of the second test, printed for the robot", "Ä" * 20])
+def test_nothing_runs_off_the_page_or_into_another_thing(limit, side, border, label):
+    (page, *_) = pages([marker_tile(Print("surf", side))] * 3, (limit, 80.0), border, label)
+    image = 255 - raster(page, 150.0)
+    inside = round((MARGIN_MM - 1) * 150 / 25.4)
+    assert image[inside:-inside, inside:-inside].sum() == image.sum() > 0
+    texts = [item for item in page.items if isinstance(item, Text)]
+    marks = [item for item in page.items if isinstance(item, Box)]
+    for text in texts:
+        right = text.x_mm + text_length(text.text) * text.height_mm
+        assert right <= limit - MARGIN_MM + 1e-6
+        assert text.height_mm >= SMALLEST_TEXT_MM
+        above = [mark for mark in marks if text.y_mm - text.height_mm / 2 < mark.y_mm + mark.height_mm]
+        crossed = [m for m in above if text.y_mm > m.y_mm and text.x_mm < m.x_mm + m.width_mm and m.x_mm < right]
+        assert crossed == []
+    printed = " ".join(text.text for text in sorted(texts, key=lambda text: text.y_mm))
+    assert f"{page.scale_bar_mm:g} mm between the ticks if printed at 100 %" in printed
+    assert label in printed
+
+
+def test_a_label_that_cannot_be_printed_is_refused():
+    with pytest.raises(InputError, match=r"label: expected one that fits 34 mm of small print, got '.*WWW"):
+        pages([marker_tile(Print("surf", 5.0))], (50.0, 80.0), label="W" * 80)
+
+
+def test_where_there_is_room_the_small_print_has_its_height():
+    (page,) = pages([marker_tile(Print("surf", 80.0))], A4, label="lab 3")
+    small = [(item.height_mm, item.text) for item in page.items if isinstance(item, Text)]
+    footer = "100 mm between the ticks if printed at 100 %   peakmark   lab 3"
+    assert small == [(2.2, "surf-dark, side 80 mm"), (2.2, footer)]
+
+
+@pytest.mark.parametrize(("gap", "fits"), [(None, 70.0), (60.0, 57.5)])
+def test_an_array_larger_than_the_page_is_told_the_largest_side(gap, fits):
+    with pytest.raises(InputError, match=f"got .* mm: a side of {fits:g} mm fits"):
+        pages([array_tile(5, 80.0, gap)], A4)
+    assert pages([array_tile(5, fits, gap)], A4)
+    with pytest.raises(InputError, match="expected at most"):
+        pages([array_tile(5, fits + 0.1, gap)], A4)

@@ -137,3 +137,16 @@ def test_unknown_format_and_impossible_dpi_are_refused(format, dpi, tmp_path):
     with pytest.raises(InputError, match=r"expected .* got "):
         write(sheet(), tmp_path / "sheet", format, dpi)
     assert not list(tmp_path.iterdir())
+
+
+@needs_poppler
+@pytest.mark.parametrize(("width_mm", "side_mm"), [(50.0, 10.0), (60.0, 5.0), (100.0, 2.0)])
+def test_the_pdf_of_a_small_page_keeps_its_margin(width_mm, side_mm, tmp_path):
+    tiles = [marker_tile(Print("surf", side_mm))] * 3
+    laid_out = pages(tiles, (width_mm, 80.0), label="tray 12 of the second test, printed for the robot")
+    image = rasterised_pdf(laid_out, tmp_path)
+    margin = round(7 * DOTS)
+    ring = np.ones(image.shape, dtype=bool)
+    ring[margin:-margin, margin:-margin] = False
+    assert (image[ring] == 255).all()
+    assert (image[~ring] < 100).any()

@@ -74,6 +74,12 @@ def test_what_changed_of_frames_is_told(change: dict[str, object], key: str, ver
     assert verdicts(compare_records(after, sound()))[key] == verdict
 
 
+@pytest.mark.filterwarnings("error")
+def test_more_than_nothing_is_a_change() -> None:
+    before = replace(sound(), results=tuple(replace(f, features=0) for f in sound().results))
+    assert verdicts(compare_records(sound(), before))["features"] == "changed"
+
+
 def test_frames_without_an_answer_are_worse() -> None:
     after = [replace(f, failure="timeout", markers={"a": missed()}) if f.frame % 2 else f for f in sound().results]
     assert (

@@ -4,6 +4,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from time import monotonic
 
 import cv2
 import numpy as np
@@ -39,6 +40,44 @@ def test_a_users_function_of_detections() -> None:
     assert detection.xy.tolist() == [33, 11]
     assert (detection.polarity, detection.size, detection.response) == ("light", 5.0, 7.5)
     assert (detection.signature_distance, detection.rank) == (0.25, 3)
+
+
+@pytest.mark.parametrize(
+    ("function", "positions", "laplacian"),
+    [
+        ("array_of_points", [[33, 11]], [0]),
+        ("no_points", [], []),
+        ("list_of_pairs", [[33, 11], [3, 4]], [0, 0]),
+        ("brightest", [[33, 11]], [0]),
+        ("described", [[33, 11]], [0]),
+        ("as_opencvs_surf", [[1, 2], [3, 4]], [1, -1]),
+        ("our_key_points", [[33, 11]], [-1]),
+    ],
+)
+def test_every_kind_of_key_points_is_taken(function: str, positions: list[list[float]], laplacian: list[int]) -> None:
+    with open_process(f"tests.user_detectors:{function}", {}, 10, 30) as detect:
+        found = detect(SPOT)
+    assert found.detections is None
+    assert found.features.xy.tolist() == positions
+    assert found.features.laplacian.tolist() == laplacian
+
+
+@pytest.mark.parametrize(
+    ("function", "polarity"), [("detection_list", "light"), ("of_numpys_numbers", "light"), ("without_polarity", None)]
+)
+def test_every_kind_of_detections_is_taken(function: str, polarity: str | None) -> None:
+    with open_process(f"tests.user_detectors:{function}", {}, 10, 30) as detect:
+        (found,) = detect(SPOT).detections or ()
+    assert (found.xy.tolist(), found.polarity) == ([33, 11], polarity)
+
+
+def test_opencvs_features_tell_no_polarity_by_their_numbers() -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (100, 100)).astype(np.uint8)
+    for name in ("cv2:ORB", "cv2:AKAZE"):
+        with open_process(name, {}, 10, 30) as detect:
+            found = detect(noise).features
+        assert len(found) > 0
+        assert not found.laplacian.any()
 
 
 def test_a_users_function_of_both() -> None:
@@ -134,7 +173,7 @@ def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
     with open_process(program(tmp_path), {}, 10, 30) as detect:
         for _ in range(2):
             (detection,) = detect(SPOT).detections or ()
-            assert (*detection.xy, detection.polarity) == (3, 4.5, "dark")
+            assert (*detection.xy, detection.polarity) == (3, 4.5, None)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +188,18 @@ def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
         ("answer['detections'][0]['x'] = float('nan')", "rubbish: detections: x: expected a finite number, got 'nan'"),
         ("answer['detections'][0]['x'] = 'left'", "rubbish: detections: x: expected a finite number, got 'left'"),
         ("del answer['detections'][0]['y']", "rubbish: detections: y: expected a finite number, got 'None'"),
+        ("answer['detections'][0]['x'] = 1e300", "rubbish: detections: x: expected at most ±3.4e.38, got '1e.300'"),
+        ("answer['detections'][0]['y'] = 10**400", "rubbish: detections: y: expected at most .*got '1000"),
+        ("answer['detections'][0]['rank'] = 1.5", "rubbish: detections: rank: expected a whole number, got 1.5"),
+        ("answer['detections'][0]['polarity'] = 'Light'", "polarity: expected light, dark or null, got 'Light'"),
+        ("answer['detections'][0]['polarity'] = [1]", "polarity: expected light, dark or null, got '.1.'"),
+        ("print('[' * 500_000 + ']' * 500_000, flush=True)", "rubbish: expected a line of JSON, got '\\[\\["),
+        ("print('9' * 5000, flush=True)", "rubbish: expected a line of JSON, got '999"),
+        ("answer['frame'] = False", "rubbish: expected .*got"),
+        ("answer = {'frame': 7, 'error': 'of another image'}", "rubbish: expected .*got"),
         ("answer = {'frame': asked['frame'], 'error': 'no licence'}", "error: no licence"),
+        (r"answer = {'frame': asked['frame'], 'error': 'a \x1b[2J\x07\ud800 b'}", r"error: a \\x1b\[2J\\x07\\ud800 b$"),
+        (r"sys.exit('\x1b]0;title\x07')", r"crash: it ended with status 1: \\x1b\]0;title\\x07$"),
         ("sys.exit('killed by the\\nlawyers')", "crash: it ended with status 1: lawyers"),
         ("time.sleep(99)", "timeout"),
     ],
@@ -163,16 +213,73 @@ def test_a_programs_fault_costs_one_image(tmp_path: Path, fault: str, words: str
         assert detect(SPOT).detections
 
 
+@pytest.mark.parametrize(
+    "flood",
+    [
+        "while True: print(' ' * 999, end='', flush=True); time.sleep(0.001)",
+        "while True: sys.stderr.write('complaint\\n' * 1000)",
+        "import os; os.close(2); time.sleep(99)",
+    ],
+    ids=["output", "errors", "no errors"],
+)
+def test_a_flood_ends_with_the_time_limit(tmp_path: Path, flood: str) -> None:
+    start = monotonic()
+    with (
+        open_process(program(tmp_path, flood), {}, 0.5, 0.5) as detect,
+        pytest.raises(DetectorFailure, match="timeout"),
+    ):
+        detect(SPOT)
+    assert monotonic() - start < 4
+
+
+def test_a_detector_that_hangs_has_its_time_to_warm_up_once(tmp_path: Path) -> None:
+    with open_process(program(tmp_path, "time.sleep(99)"), {}, 0.2, 1.5) as detect:
+        limits = []
+        for _ in range(3):
+            with pytest.raises(DetectorFailure) as caught:
+                detect(SPOT)
+            limits.append(str(caught.value))
+    assert limits == ["timeout: no answer within 1.7 s", *["timeout: no answer within 0.2 s"] * 2]
+
+
+def test_a_program_that_does_not_read_is_a_timeout(tmp_path: Path) -> None:
+    path = tmp_path / "deaf.py"
+    path.write_text('import itertools\nfor i in itertools.count(): print(\'{"frame": %d, "keypoints": []}\' % i)\n')
+
+    def ask_often() -> None:
+        with open_process(f"exec:{sys.executable} {path}", {}, 10, 30) as detect:
+            for _ in range(2000):
+                detect(SPOT)
+
+    with pytest.raises(DetectorFailure, match="timeout: it does not read its requests"):
+        ask_often()
+
+
 def test_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with open_process("tests.user_detectors:process_id", {}, 10, 30) as detect:
         process = int(detect(SPOT).features.response[0])
         os.kill(process, 0)  # asks whether it lives
         (folder,) = tmp_path.iterdir()
-        assert [path.name for path in folder.iterdir()] == ["stderr.txt"]
+        assert [path.name for path in folder.iterdir()] == []
     assert not list(tmp_path.iterdir())
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
+
+
+def test_a_detector_may_delete_its_image_and_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with open_process("tests.user_detectors:deletes", {}, 10, 30) as detect:
+        assert [len(detect(SPOT).features) for _ in range(2)] == [1, 1]
+    assert not list(tmp_path.iterdir())
+
+
+def test_parameters_that_no_program_gets_are_refused() -> None:
+    with pytest.raises(
+        InputError, match="detector exec:find: expected no parameters but its own ARGUMENTS, got octaves"
+    ):
+        command_of("exec:find", {"octaves": 3})
 
 
 def test_no_shell_reads_a_programs_name() -> None:

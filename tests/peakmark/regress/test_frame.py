@@ -6,11 +6,12 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from peaksim.camera.frame import MarkerTruth
+from pydantic import TypeAdapter
 
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.regress.detector_protocol import Found
-from peakmark.regress.frame import ScoredFrame, from_plain, score_answer, score_failure, strongest_at_markers
+from peakmark.regress.frame import ScoredFrame, score_answer, score_failure, strongest_at_markers
 from peakmark.score.wanted import Wanted
 
 WANTED = Wanted(min_side_px=14.0, kinds=("surf",))
@@ -23,7 +24,7 @@ def truth(name: str, x: float, kind: str = "surf-dark", side: float = 20.0, visi
     return MarkerTruth(name, kind, center, corners, side, 1.0, 0.0, visible)
 
 
-def detection(x: float, polarity: str = "dark", response: float = 900.0) -> Detection:
+def detection(x: float, polarity: str | None = "dark", response: float = 900.0) -> Detection:
     return Detection(0, np.array([x, 50.0]), 20.0, polarity, response, 0.1, 1)  # type: ignore[arg-type]
 
 
@@ -71,6 +72,24 @@ def test_a_detector_that_does_not_identify_is_scored_by_its_strongest_point_at_t
     assert [d.rank for d in strongest_at_markers(SCENE[:2], kp, 3.0)] == [2, 4]
 
 
+def test_a_detector_that_tells_no_polarity_is_not_charged_with_a_wrong_one() -> None:
+    for found in (
+        Found(features((100, 800, 0), (200, 700, 0)), None),
+        Found(Keypoints.empty(), (detection(100, None), detection(200, None))),
+    ):
+        result = score_answer(0, "", SCENE, found, WANTED, TOLERANCE_PX)
+        assert [(m.xy is not None, m.polarity_is_right) for m in result.markers.values()] == [(True, None)] * 2
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("responses", [(0.0, 0.0), (5.0, 0.0), (3e38, 1e-38), (0.0, 5.0)])
+def test_a_drop_that_is_no_number_is_none(responses: tuple[float, float]) -> None:
+    at_marker, clutter = responses
+    kp = features(*sorted([(100, at_marker, 1), (300.5, clutter, 1)], key=lambda row: -row[1]))
+    drop = score_answer(0, "", SCENE[:1], Found(kp, None), WANTED, TOLERANCE_PX).drop
+    assert drop == (0.0 if clutter == 5 else None)
+
+
 def test_a_failure_misses_every_marker() -> None:
     result = score_failure(0, "", SCENE, "crash: it ended with status 7", WANTED)
     assert [m.xy for m in result.markers.values()] == [None, None]
@@ -80,6 +99,6 @@ def test_a_failure_misses_every_marker() -> None:
 @pytest.mark.parametrize("found", [Found(features((100, 800, 1)), None), Found(Keypoints.empty(), (detection(100),))])
 def test_results_are_read_back_as_they_were(found: Found) -> None:
     result = score_answer(0, "", SCENE, found, WANTED, TOLERANCE_PX)
-    again = from_plain(json.loads(json.dumps(asdict(result))))
+    again = TypeAdapter(ScoredFrame).validate_python(json.loads(json.dumps(asdict(result))))
     assert again == result
     assert isinstance(again, ScoredFrame)

@@ -34,6 +34,15 @@ def test_junit_has_a_case_a_metric_and_a_failure_a_fault(worse: Comparison) -> N
     assert "1 → 0.5" in failure.attrib["message"]
 
 
+@pytest.mark.parametrize("text", ["\x1b[2J\x07bell", "\x00", "\x9b1m", "\u202eevil", "\ufffe", "two\nlines"])
+def test_control_characters_of_a_record_stay_out_of_what_is_written(text: str) -> None:
+    made = replace(sound(), suite=text, detector=replace(sound().detector, name=text))
+    comparison = compare_records(made, made)
+    (suite,) = ElementTree.fromstring(junit_xml(comparison))
+    for written in (suite.attrib["name"], suite[0].attrib["classname"], *markdown(comparison).splitlines()):
+        assert written.isprintable()
+
+
 def test_markdown_has_a_row_a_metric_and_shows_evil_names_as_they_are(worse: Comparison) -> None:
     text = markdown(worse)
     assert text.count("\n| ") == len(worse.changes) + 1

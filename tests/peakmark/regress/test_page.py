@@ -92,3 +92,14 @@ def test_a_frame_in_words() -> None:
     result = frame(0, marker(), missed(), false_xy=((1.0, 1.0),))
     assert summary(result) == "1 of 2 markers found, 1 false, 500 features"
     assert summary(frame(0, failure="timeout")) == "no answer (timeout)"
+
+
+@pytest.mark.parametrize("far", [3e38, -3e38, 1e10])
+def test_what_lies_far_outside_is_not_drawn(far: float) -> None:
+    image = np.zeros((60, 80), np.uint8)
+    for result in (
+        frame(0, false_xy=((far, far),)),
+        frame(0, replace(missed(), true_xy=(far, 5.0), side_px=far)),
+        frame(0, replace(marker(), xy=(far, far))),
+    ):
+        assert not draw_result(image, result).any()

@@ -32,18 +32,44 @@ def test_the_text_is_json_with_value_unit_direction_tolerance_and_interval() -> 
     assert low < metrics["error, rms"]["value"] < high
 
 
+def changed(old: str, new: str) -> str:
+    """Return a sound record's text with its first `old` replaced."""
+    text = to_text(sound())
+    assert old in text
+    return text.replace(old, new, 1)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("", "expected the record of a run"),
         ("[1]", "expected the record of a run"),
-        ("{}", "expected the record of a run: KeyError"),
+        ("{}", "expected the record of a run: format: missing field"),
         ('{"format": "peakmark-regress-0"}', "expected a record of version 'peakmark-regress-1', got '.*-0'"),
         (to_text(sound()).replace('"frames": [', '"frames": [5,'), "expected the record of a run"),
         (to_text(sound()).replace('"xy": [50.0,', '"xy": ["left",'), "expected the record of a run"),
         (to_text(sound()).replace('"tolerances": {}', '"tolerances": 5'), "expected the record of a run"),
-        (to_text(sound()).replace('"name": "markers", ', ""), "expected frames, and a detector with name"),
+        (
+            to_text(sound()).replace('"name": "markers", ', ""),
+            r"detector: expected a detector with name, .* \['name'\]",
+        ),
         (to_text(sound()).replace('"versions": {', '"versions": 5, "other": {'), "expected the record of a run"),
+        ("[" * 200_000, "expected the record of a run: maximum recursion depth"),
+        (changed('"xy": [50.0,', '"xy": [NaN,'), "expected the record of a run: expected numbers, got NaN"),
+        (changed('"xy": [50.0,', '"xy": [Infinity,'), "expected numbers, got Infinity"),
+        (changed('"xy": [50.0,', '"xy": [1e999,'), r"frames\[0\]\.markers\.a\.xy\[0\]: .*got inf"),
+        (changed('"xy": [50.0,', '"xy": [1e300,'), r"frames\[0\]\.markers\.a\.xy\[0\]: .*less than or equal to 34028"),
+        (changed('"xy": [50.0,', f'"xy": [{10**400},'), r"frames\[0\]\.markers\.a\.xy\[0\]: "),
+        (changed('"xy": [50.0,', f'"xy": [{"9" * 5000},'), "expected the record of a run: Exceeds the limit"),
+        (changed('"xy": [50.0,', '"xy": ["50",'), r"frames\[0\]\.markers\.a\.xy\[0\]: .*valid number"),
+        (changed('"xy": [50.0,', '"xy": [true,'), r"frames\[0\]\.markers\.a\.xy\[0\]: .*valid number"),
+        (changed('"features": 500', f'"features": {10**400}'), r"frames\[0\]\.features: .*less than"),
+        (changed('"features": 500', '"features": -1'), r"frames\[0\]\.features: .*greater than or equal to 0"),
+        (changed('"polarity_is_right": true', '"polarity_is_right": "yes"'), "polarity_is_right: .*valid boolean"),
+        (changed('"tolerances": {}', '"tolerances": {"recall": 1e999}'), "tolerances.recall: .*finite number, got inf"),
+        (changed('"tolerances": {}', '"tolerances": {"recall": -1}'), "tolerances.recall: .*got -1"),
+        (changed('"parameters": {}', '"parameters": {"threshold": 1e999}'), "detector.parameters.threshold"),
+        (changed('"suite": "made-up"', '"suite": "\\ud800"'), "surrogates not allowed"),
     ],
 )
 def test_what_is_no_record_is_one_line(text: str, words: str) -> None:

@@ -95,6 +95,12 @@ def test_a_detector_that_gives_no_answers_stops_the_run_in_one_line(suite: Suite
     assert "\n" not in str(caught.value)
 
 
+def test_an_empty_answer_of_a_detector_of_markers_is_no_detection(suite: Suite) -> None:
+    results = run(suite, name="tests.user_detectors:detection_or_nothing").record.results
+    assert {len(result.false_xy or ()) for result in results} == {0, 1}
+    assert all(result.false_xy is not None for result in results)
+
+
 def test_frames_of_a_corpus_have_their_noise(suite: Suite) -> None:
     with pytest.raises(InputError, match="--seed 5: expected none for frames that are read from a corpus"):
         run_suite(suite, suite.detector(**PARAMETERS), seed=5)

@@ -1,12 +1,16 @@
 """Result folders: whole or not at all."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from peakmark.errors import InputError
 from peakmark.report.results import result_folder, write_json
+from tests.peaksim.corpus.helpers import child_environment
 
 
 def test_files_appear_only_when_the_block_ends(tmp_path: Path) -> None:
@@ -40,6 +44,21 @@ def test_same_names_are_replaced_and_others_stay(tmp_path: Path) -> None:
         (stage / "result.json").write_text("new")
     assert (tmp_path / "result.json").read_text() == "new"
     assert (tmp_path / "mine.txt").read_text() == "keep"
+
+
+def test_what_a_killed_run_left_is_removed_and_what_another_works_on_stays(tmp_path: Path) -> None:
+    killed = (
+        "import os, sys; from peakmark.report.results import result_folder\n"
+        "with result_folder(sys.argv[1]) as stage: (stage / 'half').write_text('x'); os.kill(os.getpid(), 9)"
+    )
+    subprocess.run(
+        [sys.executable, "-c", killed, str(tmp_path)], env={**os.environ, **child_environment()}, check=False
+    )
+    (left,) = tmp_path.iterdir()
+    with result_folder(tmp_path) as first, result_folder(tmp_path) as second:
+        assert {first, second} == set(tmp_path.iterdir())
+        assert left not in (first, second)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_in_the_way_is_one_line(tmp_path: Path) -> None:

@@ -52,13 +52,13 @@ def test_centres_axes_and_corners_agree_with_the_truth() -> None:
     records = {t.name: t for t in TRUTH}
     for name in ("array3", "array5"):
         p = named(name)
-        xy = CAVE.camera.project(transform(invert(POSE), p.centers_m))
+        xy = CAVE.camera.project(transform(invert(POSE), p.place.centers_m))
         assert np.allclose(xy, [records[m].center_xy for m in p.marks], atol=1e-6)
         corner, right, down = p.corners_m[0], p.corners_m[1] - p.corners_m[0], p.corners_m[3] - p.corners_m[0]
-        reach = (THREE_BIT.pitch + 1) * p.side_m
-        assert np.allclose(right, reach * p.axes[:, 0], atol=1e-9)
-        assert np.allclose(down, reach * p.axes[:, 1], atol=1e-9)
-        assert np.linalg.norm(corner - p.centers_m[0]) > np.linalg.norm(corner + right - p.centers_m[0])
+        reach = (THREE_BIT.pitch + 1) * p.place.side_m
+        assert np.allclose(right, reach * p.place.axes[:, 0], atol=1e-9)
+        assert np.allclose(down, reach * p.place.axes[:, 1], atol=1e-9)
+        assert np.linalg.norm(corner - p.place.centers_m[0]) > np.linalg.norm(corner + right - p.place.centers_m[0])
 
 
 def test_other_posters_are_no_arrays() -> None:

@@ -45,14 +45,14 @@ def test_two_markers_one_found_and_clutter_between() -> None:
     found = [detection(0, 101, 100, 1), detection(1, 400, 300, 2)]
     all_features = features((101, 100, 90), (400, 300, 60), (100.5, 101, 50), (200, 102, 45), (7, 7, 5))
     score = score_frame(markers, found, all_features)
-    assert (score.wanted, score.found, score.missed) == (2, 1, ("b",))
+    assert (score.markers_in_view, score.markers_found, score.missed) == (2, 1, ("b",))
     assert score.false_detections == 1
     assert score.matches == {"a": 0}
     assert (score.rank_of_last_marker, score.false_above_last_marker) == (1, 0)
     assert score.strongest_clutter == 60
     assert score.response_drop == pytest.approx(90 / 60)
-    assert score.localisation.rms == pytest.approx(1.0)
-    assert score.localisation.bias_xy == pytest.approx((1.0, 0.0))
+    assert score.localisation_px.rms == pytest.approx(1.0)
+    assert score.localisation_px.bias_xy == pytest.approx((1.0, 0.0))
 
 
 def test_clutter_above_the_last_marker_is_counted_and_the_drop_falls_below_one() -> None:
@@ -66,14 +66,14 @@ def test_clutter_above_the_last_marker_is_counted_and_the_drop_falls_below_one()
 
 def test_a_partly_visible_marker_is_neither_required_nor_wrong() -> None:
     score = score_frame([truth("cut", 50, 50, 0.5)], [detection(0, 50, 51, 1)], features((50, 51, 10)))
-    assert (score.wanted, score.found, score.false_detections) == (0, 0, 0)
+    assert (score.markers_in_view, score.markers_found, score.false_detections) == (0, 0, 0)
     assert score.matches == {"cut": 0}
 
 
 def test_nothing_in_view_and_nothing_found_gives_none_not_nan() -> None:
     score = score_frame([], [], features())
     assert score.response_drop is None
-    assert score.localisation == localisation(np.zeros((0, 2)))
+    assert score.localisation_px == localisation(np.zeros((0, 2)))
     assert score.rank_of_last_marker is None
 
 
@@ -86,7 +86,7 @@ def test_matching_is_one_to_one_and_takes_the_nearest_pairs() -> None:
 @pytest.mark.parametrize(("offset", "found"), [(2.99, 1), (3.01, 0)])
 def test_the_tolerance_is_three_pixels(offset: float, found: int) -> None:
     score = score_frame([truth("a", 100, 100)], [detection(0, 100 + offset, 100, 1)], features((100, 100, 5)))
-    assert score.found == found
+    assert score.markers_found == found
 
 
 def test_bias_and_rms_of_known_errors() -> None:
@@ -112,7 +112,7 @@ def readable(
 def test_found_missed_and_false() -> None:
     markers = [truth("a", 100, 100), truth("b", 200, 100), truth("cut", 300, 100, 0.5)]
     score = readable(markers, (101, 100), (9, 9))
-    assert (score.wanted, score.found, score.missed, score.false_detections) == (2, 1, ("b",), 1)
+    assert (score.markers_in_view, score.markers_found, score.missed, score.false_detections) == (2, 1, ("b",), 1)
     assert [m.is_in_view for m in score.markers] == [True, True, False]
     assert score.markers[0].error_px == pytest.approx(1.0)
     assert score.markers[1].error_px is None

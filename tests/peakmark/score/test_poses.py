@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from peaksim.geometry.pose import compose, rotation_about
 
+from peakmark.errors import InputError
 from peakmark.score.poses import WRONG_DEG, WRONG_M, is_wrong, pose_error, trajectory_errors
 
 
@@ -42,3 +43,12 @@ def test_evo_agrees_with_errors_put_in_by_hand() -> None:
     assert aligned is not None
     assert aligned.ate_rmse_mm == pytest.approx(0.0, abs=1e-6)
     assert trajectory_errors(np.arange(5.0), poses, [None] * 5, is_aligned=False) is None
+
+
+def test_a_mirrored_pose_has_no_error() -> None:
+    mirrored, truth = np.diag([1.0, 1.0, -1.0, 1.0]), [compose(np.eye(3), [k, 0, 0]) for k in range(3)]
+    with pytest.raises(InputError, match="got a mirrored one"):
+        pose_error(mirrored, truth[0])
+    pytest.importorskip("evo")
+    with pytest.raises(InputError, match=r"estimate\[1\]: expected a rigid transform .* got a mirrored one"):
+        trajectory_errors(np.arange(3.0), truth, [truth[0], mirrored, truth[2]], is_aligned=False)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from peaksim import Camera, Quad, Scene, Texture
 from peaksim.area.integrate import integrate
+from peaksim.errors import InputError
 from peaksim.geometry.pose import compose, rotation_about
 
 from tests.peaksim.area.area_reference import area_integral
@@ -110,6 +111,13 @@ def test_bytes_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None
         images.append(integrate(view.scene, view.camera, view.pose[None]).tobytes())
     assert images[0] == images[1] == images[2]
     assert os.environ["PEAKSIM_THREADS"] == "5"
+
+
+@pytest.mark.parametrize("count", ["many", "-2", "1.5"])
+def test_a_count_of_threads_that_is_none_is_refused(count: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PEAKSIM_THREADS", count)
+    with pytest.raises(InputError, match=f"PEAKSIM_THREADS: expected a whole number of threads, got '{count}'"):
+        integrate(Scene(), CAMERA, ABOVE[None])
 
 
 @pytest.mark.parametrize("row", [28, 29, 30, 31])

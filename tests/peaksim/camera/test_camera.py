@@ -57,6 +57,65 @@ def test_the_image_reaches_half_a_pixel_beyond_the_outermost_centres() -> None:
     assert camera.contains(centers.reshape(-1, 2)).all()
 
 
+@pytest.mark.parametrize("flags", [0, cv2.CALIB_RATIONAL_MODEL, cv2.CALIB_THIN_PRISM_MODEL, cv2.CALIB_TILTED_MODEL])
+def test_a_camera_takes_what_opencvs_calibration_returns(flags: int) -> None:
+    board = np.float32(np.indices((9, 6, 1)).reshape(3, -1).T * 0.03)
+    truth = CAMERAS["rational8" if flags == cv2.CALIB_RATIONAL_MODEL else "brown5"]
+    views = [(np.array([a, b, 0.1 * a]), np.array([-0.13, -0.08, 0.21])) for a in (-0.4, 0.0, 0.4) for b in (-0.4, 0.4)]
+    seen = [np.float32(cv2.projectPoints(board, *view, truth.matrix, np.array(truth.distortion))[0]) for view in views]
+    _, matrix, distortion, *_ = cv2.calibrateCamera([board] * len(seen), seen, (640, 480), None, None, flags=flags)
+    (fx, _, cx), (_, fy, cy), _ = matrix
+    assert distortion.shape in ((1, 5), (1, 12), (1, 14))
+    camera = Camera(640, 480, fx, fy, cx, cy, distortion)
+    assert camera == Camera(640, 480, fx, fy, cx, cy, distortion.T) == Camera(640, 480, fx, fy, cx, cy, distortion[0])
+    inside = np.concatenate([3.0 * truth.unproject(xy[:, 0]) for xy in seen])
+    expected = cv2.projectPoints(inside, np.zeros(3), np.zeros(3), matrix, distortion)[0].reshape(-1, 2)
+    assert np.allclose(camera.project(inside), expected, rtol=0, atol=1e-9)
+
+
+def test_the_rational_models_six_zeros_change_nothing() -> None:
+    eight = CAMERAS["rational8"]
+    fourteen = replace(eight, distortion=(*eight.distortion, *6 * (0.0,)))
+    points = np.random.default_rng(1).uniform([-0.4, -0.3, 1], [0.4, 0.3, 2], (200, 3))
+    assert np.array_equal(fourteen.project(points), eight.project(points))
+    assert np.array_equal(fourteen.unproject(image_points(eight)), eight.unproject(image_points(eight)))
+
+
+@pytest.mark.parametrize(
+    ("distortion", "message"),
+    [
+        (np.zeros((2, 4)), r"expected OpenCV's vector, got an array of shape \(2, 4\)"),
+        (np.zeros((1, 1, 5)), "expected OpenCV's vector"),
+        (("k1", "k2", "p1", "p2"), "expected numbers, got"),
+        ((0.1, np.nan, 0, 0), "expected finite numbers"),
+        ((0.1,) * 6, r"expected one of \(0, 4, 5, 8, 12, 14\) coefficients for brown, got 6"),
+    ],
+)
+def test_what_is_no_vector_of_opencv_is_refused(distortion: object, message: str) -> None:
+    with pytest.raises(SceneError, match=f"camera: distortion: {message}"):
+        Camera(distortion=distortion)  # type: ignore[arg-type]
+
+
+def test_a_prism_shows_nothing_beyond_its_fold() -> None:
+    """x − x²/10 comes back to the image's middle at x = 10."""
+    camera = Camera(distortion=(*8 * (0.0,), -0.1, 0.0, 0.0, 0.0))
+    assert camera.project([[1, 0, 1]])[0] == pytest.approx([319.5 + 500 * 0.9, 239.5])
+    assert np.isnan(camera.project([[6, 0, 1], [10, 0, 1]])).all()
+
+
+def test_what_is_not_given_follows_from_what_is_as_in_scene_files() -> None:
+    assert Camera(640, 480, fx=550) == Camera(640, 480, 550.0, 550.0, 319.5, 239.5)
+    assert Camera(320, 200, fx=250.0, fy=260.0) == Camera(320, 200, 250.0, 260.0, 159.5, 99.5)
+    assert Camera() == Camera(640, 480, 500.0, 500.0, 319.5, 239.5)
+
+
+@pytest.mark.parametrize("field", ["fx", "fy", "cx", "cy", "row_time_s", "exposure_s"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, "wide", [1.0, 2.0], [[1.0], [2.0, 3.0]]])
+def test_a_number_that_is_none_is_refused_by_name(field: str, value: object) -> None:
+    with pytest.raises(SceneError, match=f"camera: {field}: expected a finite number, got"):
+        Camera(**{field: value})  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("size", "message"), [((0, 10), "width"), ((10, -1), "height"), ((100_000, 1000), "at most")])
 def test_cameras_of_no_or_of_monstrous_size_are_refused(size: tuple[int, int], message: str) -> None:
     with pytest.raises(SceneError, match=message):

@@ -153,6 +153,14 @@ def make_from_arguments(arguments: list[str]) -> None:
         sys.exit(f"error: {error}")
 
 
+def make_on_scheduler(spec: Path, folder: Path, dest: str, address: str) -> None:
+    """Make a corpus slowly enough for its scheduler to be killed meanwhile."""
+    from peaksim.corpus import make_corpus, on_dask
+    from peaksim.corpus.spec import spec_from_json
+
+    make_corpus(spec_from_json(spec.read_text()), folder, dest, on_dask(address), lambda frames: time.sleep(0.1))
+
+
 def wait_until(condition: Callable[[], bool], limit_s: float = 120.0) -> None:
     """Return as soon as a condition holds; fail if it takes too long."""
     deadline = time.monotonic() + limit_s

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from peaksim.corpus import in_process, make_corpus, on_dask, processes
+from peaksim.corpus.spec import spec_to_json
 from peaksim.errors import InputError, RendererError
 
 from tests.peaksim.corpus.helpers import child_environment, contents, is_alive, tiny_spec, wait_until
@@ -185,6 +186,34 @@ def test_a_worker_killed_midway_changes_nothing(folder: Path, tmp_path: Path, cl
     made = make_corpus(spec, folder, str(tmp_path / "c"), on_dask(cluster.address), kill_midway)
     assert made.frames == 60
     assert victim.wait(60) == -signal.SIGKILL
+    make_corpus(spec, folder, str(tmp_path / "whole"))
+    assert contents(tmp_path / "c") == contents(tmp_path / "whole")
+
+
+def test_a_scheduler_killed_midway_is_one_line_and_the_same_command_resumes(
+    folder: Path, tmp_path: Path, cluster: Cluster
+) -> None:
+    """As a program, whose stderr shows what libraries print too."""
+    spec = tiny_spec(frames=120)
+    (tmp_path / "spec.json").write_text(spec_to_json(spec))
+    cluster.add_worker("--nthreads", "1")
+    code = (
+        "from peakmark.cli.command import run_command; from tests.peaksim.corpus import helpers\n"
+        "run_command(helpers.make_on_scheduler)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "spec.json"), str(folder), str(tmp_path / "c")]
+    program = subprocess.Popen(
+        [*command, cluster.address], env=environment_with_these_tests(), stderr=subprocess.PIPE, text=True
+    )
+    try:
+        wait_until(lambda: any((tmp_path / "c").glob("sums/*")) or program.poll() is not None)
+        cluster.processes[0].kill()
+        _, errors = program.communicate(timeout=120)
+    finally:
+        program.kill()
+    assert errors == f"error: --dask {cluster.address}: the scheduler was lost; the same command resumes\n"
+    assert program.returncode == 2
+    assert make_corpus(spec, folder, str(tmp_path / "c")).rendered < 120
     make_corpus(spec, folder, str(tmp_path / "whole"))
     assert contents(tmp_path / "c") == contents(tmp_path / "whole")
 

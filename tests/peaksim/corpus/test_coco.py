@@ -1,11 +1,18 @@
 """COCO key points: read by pycocotools, equal to the truth, boxes and polygons in COCO's own pixel convention."""
 
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from peaksim import Camera, Mark, Quad, Scene, Texture
+from peaksim.corpus.cameras import NamedCamera
 from peaksim.corpus.coco import coco_writer
+from peaksim.corpus.plan import FramePlan, plan_frame
+from peaksim.corpus.sample import from_line, record_of, render_frame, to_line
+from peaksim.geometry.pose import compose, rotation_about
 from pycocotools.coco import COCO
 
 from tests.peaksim.corpus.helpers import MemoryFile, tiny_records, tiny_spec
@@ -64,3 +71,51 @@ def test_polygons_cover_the_marker_in_cocos_pixels(coco: COCO, records: list[dic
         if len(rows):
             assert x - 1 <= columns.min() <= columns.max() + 1 <= x + width + 1
             assert y - 1 <= rows.min() <= rows.max() + 1 <= y + height + 1
+
+
+CLOSE_CAMERAS = (
+    Camera(160, 120, 140.0),
+    Camera(160, 120, 120.0, 125.0, 77.0, 62.0, (-0.25, 0.06, 0.002, -0.001)),
+    Camera(160, 120, 90.0, model="fisheye"),
+)
+
+
+def close_views(folder: Path) -> list[FramePlan]:
+    """Return views of a marker of 0.8 m from 3 to 30 cm above it, most of which it reaches behind."""
+    plan = plan_frame(tiny_spec(), folder, 0)
+    texture = Texture.from_array(np.full((2, 2), 200, np.uint8))
+    scene = Scene((Quad("marker", texture, (0.8, 0.8), np.eye(4), Mark("close", KINDS[0], 0.8)),))
+    views = product(CLOSE_CAMERAS, (0.03, 0.1, 0.3), (10.0, 45.0, 60.0, 70.0))
+    return [
+        replace(
+            plan,
+            index=index,
+            scene=scene,
+            sequence=replace(plan.sequence, camera=NamedCamera("cam", camera, 1.0)),
+            world_from_camera=compose(np.diag([1.0, -1, -1]) @ rotation_about("x", tilt_deg), [0.01, -0.02, height_m]),
+        )
+        for index, (camera, height_m, tilt_deg) in enumerate(views)
+    ]
+
+
+def test_markers_that_reach_behind_the_camera_have_their_box_and_mask(folder: Path, tmp_path: Path) -> None:
+    file, shown = MemoryFile(), []
+    with coco_writer(file, tiny_spec(), KINDS) as add:
+        for plan in close_views(folder):
+            frame = render_frame(plan, "exact")
+            add(from_line(to_line(record_of(plan, frame, b"")), "record"))
+            shown.append(frame.quad_ids == 0)
+    (tmp_path / "coco.json").write_bytes(file.buffer.getvalue())
+    coco = COCO(str(tmp_path / "coco.json"))
+    annotations = coco.loadAnns(coco.getAnnIds())
+    assert [annotation["image_id"] for annotation in annotations] == list(range(len(shown)))
+    assert sum(annotation["num_keypoints"] == 0 for annotation in annotations) > 10
+    for annotation, pixels in zip(annotations, shown, strict=True):
+        mask = coco.annToMask(annotation).astype(bool)
+        assert (mask & pixels).sum() >= 0.96 * (mask | pixels).sum()
+        assert annotation["area"] == pytest.approx(pixels.sum(), rel=0.02)
+        rows, columns = np.nonzero(pixels)
+        box = [columns.min(), rows.min(), np.ptp(columns) + 1, np.ptp(rows) + 1]
+        assert np.allclose(annotation["bbox"], box, atol=4)
+        assert 0 < annotation["visible_fraction"] <= 1
+        assert len(annotation["segmentation"][0]) >= 6

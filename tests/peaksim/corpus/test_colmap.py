@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pycolmap
 import pytest
+from peaksim.corpus.check_spec import check_spec
 from peaksim.corpus.colmap import camera_line, colmap_writer
 from peaksim.corpus.spec import CorpusSpec
+from peaksim.errors import SceneError
 
 from tests.peaksim.corpus.helpers import MemoryFile, tiny_records, tiny_spec
 
@@ -74,6 +76,14 @@ def test_eight_coefficients_keep_their_order() -> None:
         "model": "brown",
         "distortion": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0],
     }
+    assert camera_line({**values, "distortion": [*values["distortion"], *6 * [0.0]]}) == camera_line(values)
     expected = [1, 2, 2, 1, 1, 2, 3, 4, 5, 6, 7, 8]
     assert camera_line(values).split()[:3] == ["FULL_OPENCV", "4", "2"]
     assert np.array_equal(np.array(camera_line(values).split()[3:], dtype=float), expected)
+
+
+def test_a_lens_that_colmap_has_no_model_of_is_refused_before_anything_is_rendered(folder: Path) -> None:
+    prism = [-0.2, 0.03, 0.002, -0.003, *4 * [0.0], 0.01, 0.0, 0.0, 0.0]
+    spec = tiny_spec(cameras=[{"name": "cam", "width": 64, "height": 48, "fx": 50, "distortion": prism}])
+    with pytest.raises(SceneError, match=r"cameras.cam: distortion: expected zeros .*COLMAP .*thin prism.*\[0.01, 0"):
+        check_spec(spec, folder)

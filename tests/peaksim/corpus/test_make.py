@@ -108,6 +108,36 @@ def test_whatever_is_lost_or_torn_is_made_again(folder: Path, tmp_path: Path, se
     assert contents(tmp_path / "torn") == contents(tmp_path / "whole")
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "shards/000001.tar",
+        "records/000001.jsonl",
+        "frames/000001/00000004.png",
+        "frames/000001/00000004.json",
+        "sums/shard-000001.sha256",
+        "tables/000000/frames.parquet",
+        "sums/part-000000.sha256",
+    ],
+)
+def test_what_rotted_in_a_finished_shard_or_part_is_said_and_made_again(
+    folder: Path, tmp_path: Path, name: str
+) -> None:
+    """A digit of the record is changed so that it stays a record: only its check sum tells."""
+    make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+    whole = contents(tmp_path / "c")
+    (tmp_path / "c" / "manifest.json").unlink()
+    content = bytearray(whole[name])
+    at = whole[name].rindex(b"0.") + 2 if name.endswith((".json", ".jsonl")) else len(content) // 2
+    content[at] ^= 1
+    (tmp_path / "c" / name).write_bytes(content)
+    made = make_corpus(tiny_spec(), folder, str(tmp_path / "c"))
+    assert made.damaged
+    assert all(repr(name) in line or name.startswith("sums/") for line in made.damaged)
+    assert contents(tmp_path / "c") == whole
+    assert make_corpus(tiny_spec(), folder, str(tmp_path / "c")).damaged == ()
+
+
 def kill_until_done(folder: Path, dest: Path, kills: int, rng: random.Random, *, frames: int) -> int:
     """Run with two workers again and again, killing the process group after a random time; return how many kills."""
     spec = tiny_spec(frames=frames)

@@ -26,3 +26,18 @@ def test_what_is_read_is_what_was_rendered(folder: Path, tmp_path: Path, store: 
     for wrong in (-1, 7):
         with pytest.raises(InputError, match=f"frame: expected 0…6, got {wrong}"):
             corpus.record(wrong)
+
+
+@pytest.mark.parametrize("content", [b"rot", b"x" * 1024, b""])
+def test_a_damaged_shard_is_one_line(folder: Path, tmp_path: Path, content: bytes) -> None:
+    make_corpus(tiny_spec(frames=2, store={"files": False}), folder, str(tmp_path / "c"))
+    (tmp_path / "c" / "shards" / "000000.tar").write_bytes(content)
+    with pytest.raises(InputError, match=r"shards/000000\.tar: expected a tar file|expected 00000000\.png in a shard"):
+        open_corpus(str(tmp_path / "c")).picture(0)
+
+
+def test_a_record_of_any_depth_is_one_line(folder: Path, tmp_path: Path) -> None:
+    make_corpus(tiny_spec(frames=1), folder, str(tmp_path / "c"))
+    (tmp_path / "c" / "records" / "000000.jsonl").write_bytes(b"[" * 200_000 + b"\n")
+    with pytest.raises(InputError, match=r"records/000000\.jsonl: expected one line of JSON"):
+        open_corpus(str(tmp_path / "c")).record(0)

@@ -1,10 +1,14 @@
 """Poses: group axioms, known rotations, and the distance of two poses as a metric."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from peaksim.errors import SceneError
+from peaksim import Camera, Trajectory
+from peaksim.camera.shutter import still_camera
+from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import (
     Pose,
     compose,
@@ -44,6 +48,33 @@ def test_the_distance_of_poses_is_a_metric_that_no_change_of_world_alters(i: int
     assert pose_distance(c @ a, c @ b) == pytest.approx(pose_distance(a, b))
     direct, detour = np.array(pose_distance(a, c)), np.add(pose_distance(a, b), pose_distance(b, c))
     assert (direct <= detour + 1e-9).all()
+
+
+MIRRORED = np.diag([1.0, 1.0, -1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        rigid,
+        invert,
+        lambda pose: pose_distance(pose, np.eye(4)),
+        lambda pose: pose_distance(np.eye(4), pose),
+        lambda pose: interpolate(pose, np.eye(4), 0.5),
+        lambda pose: interpolate(np.eye(4), pose, 0.5),
+        lambda pose: still_camera(Camera(), pose),
+        lambda pose: Trajectory([0.0], [pose]),
+    ],
+)
+def test_a_mirrored_pose_is_refused_as_one(use: Callable[[Pose], object]) -> None:
+    with pytest.raises(SceneError, match=r"expected a rigid transform .* got a mirrored one \(determinant −1\)"):
+        use(MIRRORED)
+
+
+@pytest.mark.parametrize("axis", ["w", "xy", "", 0])
+def test_an_axis_that_is_none_is_refused(axis: object) -> None:
+    with pytest.raises(InputError, match="axis: expected one of x, y, z, got"):
+        rotation_about(axis, 10.0)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("axis", "xyz")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peaksim import load_trajectory
-from peaksim.errors import SceneError
+from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import look_at
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import Format, save_trajectory
@@ -83,3 +83,50 @@ def test_times_of_a_short_way_survive(tmp_path: Path) -> None:
     save_trajectory(trajectory, tmp_path / "w")
     assert isinstance(again := load_trajectory(tmp_path / "w"), Trajectory)
     assert again.times_s[1] == 1 / 3
+
+
+def test_a_format_that_is_none_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="format: expected one of tum, euroc, kitti, got 'csv'"):
+        save_trajectory(Trajectory(np.zeros(1), np.eye(4)[None]), tmp_path / "t.csv", "csv")  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ("1403636580838555648", "1403636580888555648"),
+        ("1.403636580838555648e+18", "1.403636580888555648e+18"),  # numpy.savetxt
+        ("1403636580838555648.0", "1.403636580888555648E18"),
+    ],
+)
+def test_euroc_times_are_exact_decimals(tmp_path: Path, stamps: tuple[str, str]) -> None:
+    (tmp_path / "data.csv").write_text("".join(f"{stamp},1,2,3,1,0,0,0\n" for stamp in stamps))
+    assert np.array_equal(load_trajectory(tmp_path / "data.csv").times_s, [0, 0.05])
+
+
+def test_short_euroc_times_start_at_their_own_second(tmp_path: Path) -> None:
+    (tmp_path / "data.csv").write_text("".join(f"{k}.0e+09,1,2,3,1,0,0,0\n" for k in (1, 2, 3)))
+    assert np.array_equal(load_trajectory(tmp_path / "data.csv").times_s, [1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("stamps", "message"),
+    [
+        (("0", "1", "2"), "expected times in nanoseconds, got steps of 1 ns from 0 on: multiply seconds by 1e9"),
+        (("1403636580", "1403636581"), "got steps of 1 ns from 1403636580 on"),
+        (("0", "50", "100"), "got steps of 50 ns"),
+        (("0.0", "0.05"), "line 2: expected a time in whole nanoseconds, got 0.05; seconds? times 1e9"),
+        (("1403636580.838555648",), "line 1: expected a time in whole nanoseconds, got 1403636580.838555648"),
+        (("12345678901234567890",), "line 1: expected a time in nanoseconds below 2⁶³, got 12345678901234567890"),
+        (("1e300",), "line 1: expected a time in nanoseconds below 2⁶³, got 1e300"),
+        (("1e-300000000",), "line 1: expected a time in whole nanoseconds, got 1e-300000000"),
+        (("x",), "line 1: expected numbers"),
+    ],
+)
+def test_euroc_times_in_another_unit_are_refused(tmp_path: Path, stamps: tuple[str, ...], message: str) -> None:
+    file = tmp_path / "data.csv"
+    file.write_text("".join(f"{stamp},1,2,3,1,0,0,0\n" for stamp in stamps))
+    with pytest.raises(SceneError) as caught:
+        load_trajectory(file)
+    assert str(caught.value).startswith(f"{file}: ")
+    assert message in str(caught.value)

@@ -202,3 +202,30 @@ def test_two_thousand_frames_need_no_more_memory_than_fifty(renderer: str) -> No
         resident.append(int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE") / 1e6)
     assert frame.image.shape == (480, 640)
     assert max(resident[50:]) - resident[49] < 20
+
+
+def test_quads_that_touch_are_found_as_by_comparing_each_with_each() -> None:
+    rng = np.random.default_rng(3)
+    plain = Texture.from_array(np.full((1, 1), 9, np.uint8))
+    quads = tuple(
+        Quad(
+            str(k),
+            plain,
+            tuple(rng.choice([0.1, 0.3, 2.0], 2)),
+            compose(rotation_about("x", rng.choice([0, 90, 180])), [*rng.uniform(-2, 2, 2), rng.choice([0, 5e-4])]),
+        )
+        for k in range(60)
+    )
+    groups = render_gl.touching_groups(Scene(quads))
+
+    def touch(a: Quad, b: Quad) -> bool:
+        local = (b.corners_m - a.world_from_quad[:3, 3]) @ a.world_from_quad[:3, :3]
+        low, high, reach = local[:, :2].min(axis=0), local[:, :2].max(axis=0), np.array(a.size_m) / 2 - 1e-3
+        return bool(np.abs(local[:, 2]).max() <= 1e-3 and (low < reach).all() and (high > -reach).all())
+
+    linked = np.array([[touch(a, b) or touch(b, a) for b in quads] for a in quads]) | np.eye(60, dtype=bool)
+    reach = np.linalg.matrix_power(linked.astype(float), 60) > 0
+    alone = reach.sum(axis=1) == 1
+    assert np.array_equal(groups == -1, alone)
+    assert 0 < alone.sum() < 60
+    assert np.array_equal((groups[:, None] == groups)[~alone][:, ~alone], reach[~alone][:, ~alone])

@@ -2,13 +2,14 @@
 
 import re
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 from peaksim import Camera, camera_named, load_scene
 from peaksim.errors import SceneError
-from peaksim.scene.build import path_poses
-from peaksim.scene.schema import MarkerPathTable
+from peaksim.scene.build import build_camera, path_poses
+from peaksim.scene.schema import CameraTable, MarkerPathTable
 
 SMALL = """
 [camera]
@@ -159,3 +160,13 @@ def test_a_missing_file_and_an_unknown_variant_are_named(tmp_path: Path, scene_f
         load_scene(scene_file, {"floor": "marble"})
     with pytest.raises(SceneError, match=r"textures\.wall: expected a texture with variants"):
         load_scene(scene_file, {"wall": "brick"})
+
+
+@pytest.mark.parametrize(
+    ("model", "fx", "least"), [("brown", 0.3, "14"), ("brown", 13.9, "14"), ("fisheye", 0.3, "102")]
+)
+def test_a_focal_length_that_is_not_in_px_is_refused(model: Literal["brown", "fisheye"], fx: float, least: str) -> None:
+    table = CameraTable(width=640, height=480, fx=fx, model=model)
+    with pytest.raises(SceneError, match=rf"camera: fx: expected px, at least {least}(\.\d)? for 640 px, got {fx:g}"):
+        build_camera(table)
+    assert build_camera(CameraTable(width=640, height=480, fx=110, model=model)).fx == 110

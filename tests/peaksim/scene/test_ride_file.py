@@ -44,6 +44,18 @@ def ride(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.parametrize("scene", ["/etc/passwd", "../../etc/passwd"])
+def test_a_ride_opens_no_scene_outside_its_folder(ride: Path, scene: str) -> None:
+    ride.write_text(RIDE.format(scene=scene))
+    with pytest.raises(SceneError, match=f"ride.toml: scene: expected a path inside .*, got '{scene}'"):
+        load_ride(ride)
+
+
+def test_a_ride_names_a_scene_beside_it_wherever_it_is_loaded_from(ride: Path) -> None:
+    ride.write_text(RIDE.format(scene="scene.toml"))
+    assert load_ride(ride)[0].camera.width == 320
+
+
 @pytest.mark.parametrize("name", sorted(p.stem for p in TRAJECTORIES.glob("*.toml")))
 def test_the_shipped_rides_load_and_have_200_frames_or_more(name: str) -> None:
     setup, ride = load_ride(name)

@@ -33,5 +33,24 @@ def test_a_texture_holds_a_copy_of_its_pixels_from_an_array_or_a_file(tmp_path: 
 def test_a_file_that_is_missing_or_no_image_is_named(tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("no image")
     for name in ("nowhere.png", "text.png"):
-        with pytest.raises(ImageError, match=f"{name}: expected an image"):
+        with pytest.raises(ImageError, match=f"{name}: (expected an image|cannot be read: No such file)"):
             Texture.from_file(tmp_path / name)
+
+
+def test_sixteen_bits_and_floating_point_are_scaled_not_clipped(tmp_path: Path) -> None:
+    levels = np.arange(0, 65536, 13, dtype=np.uint16)[:5040].reshape(60, 84)
+    expected = np.floor(levels / 257 + 0.5)
+    Image.fromarray(levels).save(tmp_path / "deep.png")
+    Image.fromarray(levels).save(tmp_path / "deep.tif")
+    for name in ("deep.png", "deep.tif"):
+        assert np.array_equal(Texture.from_file(tmp_path / name).pixels, expected)
+    Image.fromarray(levels.astype(np.float32) / np.float32(65535)).save(tmp_path / "float.tif")
+    assert np.abs(Texture.from_file(tmp_path / "float.tif").pixels - levels / 257).max() < 0.5001
+
+
+def test_no_format_that_runs_programs_is_opened(tmp_path: Path) -> None:
+    (tmp_path / "eps.png").write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n")
+    with pytest.raises(
+        ImageError, match=r"eps\.png: expected an image \(PNG, JPEG, TIFF, BMP, PPM, WEBP; .*\), found none"
+    ):
+        Texture.from_file(tmp_path / "eps.png")

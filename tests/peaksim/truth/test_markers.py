@@ -17,6 +17,7 @@ from peaksim.truth.markers import (
     area_weights,
     face_corners_m,
     faces_before,
+    faces_between,
     marker_truth,
     may_hide,
     polygon_area,
@@ -121,6 +122,18 @@ def test_a_card_hides_what_lies_behind_it_only() -> None:
     assert all(may_hide(eye, square, c.corners_m[None])[0] for c in before)
     assert not any(may_hide(eye, square, c.corners_m[None])[0] for c in beside)
     assert may_hide(eye, square, np.zeros((0, 4, 3))).shape == (0,)
+
+
+@given(st.integers(0, 2**32))
+def test_the_tree_finds_every_face_that_may_hide(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = random_scene(rng)
+    faces, solids = face_corners_m(scene), solids_of(scene, quads=True)
+    eye = np.array([*rng.uniform(-1.5, 1.5, 2), rng.uniform(0.1, 2.5)])
+    square = rectangle_m(scene.quads[1], tuple(rng.uniform(-0.4, 0.4, 2)), (0.1, 0.1))
+    found = faces_between(solids, eye, square)
+    assert set(np.flatnonzero(may_hide(eye, square, faces))) <= set(found)
+    assert np.array_equal(faces_before(faces, 1, np.arange(len(faces))), faces_before(faces, 1))
 
 
 def counted_fraction(scene: Scene, posed: PosedCamera, corners: np.ndarray, side: int = 200) -> float:

@@ -50,8 +50,11 @@ class Store(Protocol):
     def settle(self, names: Iterable[str]) -> None:
         """Make files survive a loss of power; many at once take little longer than one."""
 
-    def read(self, name: str) -> bytes:
-        """Return a file's content, raising InputError where it is missing."""
+    def read(self, name: str, most: int | None = None) -> bytes:
+        """Return a file's content, raising InputError where it is missing or has more than so many bytes."""
+
+    def sha256(self, name: str) -> str:
+        """Return a file's hash, reading it piece by piece."""
 
     def exists(self, name: str) -> bool:
         """Return whether a file is there."""
@@ -73,3 +76,10 @@ def write_file(store: Store, name: str, content: bytes, *, lasting: bool = True)
 def is_safe(name: str) -> bool:
     """Return whether a name stays inside the folder: plain characters, no part that starts with a dot."""
     return _SAFE.fullmatch(name) is not None
+
+
+def limited(content: bytes, most: int | None) -> bytes:
+    """Return what was read, refusing more than so many bytes."""
+    if most is not None and len(content) > most:
+        raise OSError(f"is larger than {most} bytes")
+    return content

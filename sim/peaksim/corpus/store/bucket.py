@@ -3,9 +3,10 @@
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from hashlib import file_digest
 from typing import Any
 
-from peaksim.corpus.store.base import Writing, is_safe
+from peaksim.corpus.store.base import Writing, is_safe, limited
 from peaksim.errors import InputError
 
 
@@ -30,10 +31,16 @@ class BucketStore:
     def settle(self, names: Iterable[str]) -> None:
         """Do nothing: what is uploaded lasts."""
 
-    def read(self, name: str) -> bytes:
-        """Return an object's content."""
+    def read(self, name: str, most: int | None = None) -> bytes:
+        """Return an object's content, at most so many bytes."""
         with self._reported(name):
-            return bytes(self._fs.cat_file(self._path(name)))
+            end = None if most is None else most + 1
+            return limited(bytes(self._fs.cat_file(self._path(name), end=end)), most)
+
+    def sha256(self, name: str) -> str:
+        """Return an object's hash."""
+        with self._reported(name), self._fs.open(self._path(name), "rb") as file:
+            return file_digest(file, "sha256").hexdigest()
 
     def exists(self, name: str) -> bool:
         """Return whether an object is there."""

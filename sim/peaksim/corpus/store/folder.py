@@ -5,12 +5,13 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from hashlib import file_digest
 from pathlib import Path
 
-from peaksim.corpus.store.base import Writing, is_safe
+from peaksim.corpus.store.base import Writing, is_safe, limited
 from peaksim.errors import InputError
+from peaksim.threads import map_in_threads
 
 _UNFINISHED = ".unfinished"
 _SYNCS = 16  # files that are synced at once
@@ -22,11 +23,11 @@ class FolderStore:
     def __init__(self, dest: str, *, new: bool) -> None:
         self.url = dest
         self.root = Path(dest)
-        if self.root.exists() and not self.root.is_dir():
-            raise InputError(f"{dest}: expected a folder, found a file")
-        if not self.root.exists() and not new:
-            raise InputError(f"{dest}: expected a corpus, found nothing there")
         with self._reported(""):
+            if self.root.exists() and not self.root.is_dir():
+                raise InputError(f"{dest}: expected a folder, found a file")
+            if not self.root.exists() and not new:
+                raise InputError(f"{dest}: expected a corpus, found nothing there")
             self.root.mkdir(parents=True, exist_ok=True)
 
     @contextmanager
@@ -59,29 +60,36 @@ class FolderStore:
             with self._reported(name), self._path(name).open("rb") as file:
                 os.fsync(file.fileno())
 
-        with ThreadPoolExecutor(_SYNCS) as pool:
-            list(pool.map(sync, names))
+        map_in_threads(sync, names, _SYNCS)
 
-    def read(self, name: str) -> bytes:
-        """Return a file's content."""
-        with self._reported(name):
-            return self._path(name).read_bytes()
+    def read(self, name: str, most: int | None = None) -> bytes:
+        """Return a file's content, at most so many bytes."""
+        with self._reported(name), self._path(name).open("rb") as file:
+            return limited(file.read() if most is None else file.read(most + 1), most)
+
+    def sha256(self, name: str) -> str:
+        """Return a file's hash."""
+        with self._reported(name), self._path(name).open("rb") as file:
+            return file_digest(file, "sha256").hexdigest()
 
     def exists(self, name: str) -> bool:
         """Return whether a file is there."""
-        return self._path(name).is_file()
+        with self._reported(name):
+            return self._path(name).is_file()
 
     def names(self, prefix: str = "") -> Iterator[str]:
         """Yield the names of all files below a folder; unfinished files are left out."""
-        for folder, _, files in os.walk(self.root / prefix):
-            relative = Path(folder).relative_to(self.root)
-            if relative.parts[:1] != (_UNFINISHED,):
-                yield from ((relative / file).as_posix() for file in files)
+        with self._reported(prefix):
+            for folder, _, files in os.walk(self.root / prefix, onerror=_raise_unless_missing):
+                relative = Path(folder).relative_to(self.root)
+                if relative.parts[:1] != (_UNFINISHED,):
+                    yield from ((relative / file).as_posix() for file in files)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
         """Exclude other runs, and clear what a killed run left unfinished; the kernel frees the lock in any case."""
-        handle = os.open(self.root, os.O_RDONLY)
+        with self._reported(""):
+            handle = os.open(self.root, os.O_RDONLY)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -109,3 +117,9 @@ class FolderStore:
             yield
         except OSError as error:
             raise InputError(f"{self.url}: {name or 'folder'}: {error.strerror or error}") from error
+
+
+def _raise_unless_missing(error: OSError) -> None:
+    """Report a folder that cannot be listed: its files would seem to be missing."""
+    if not isinstance(error, FileNotFoundError):
+        raise error

@@ -1,7 +1,11 @@
-"""Walls of posters dense with markers: how many feature points they give, and how many of them come back."""
+"""Walls of posters dense with markers: how many feature points they give, and how many of them come back.
+
+`compare_walls` writes report.html and result.json.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -11,14 +15,17 @@ from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import apply_sensor
 from peaksim.geometry.pose import Pose, invert, look_at, transform
 from peaksim.rendering import render
-from peaksim.scene.file import Setup
+from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.scene import Scene
 from scipy.spatial import cKDTree
 
 from peakmark import surf
 from peakmark.errors import InputError
+from peakmark.experiments.option import check_range
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
+from peakmark.report.page import Section, Table, write_report
+from peakmark.report.results import result_folder, write_json
 from peakmark.score.wanted import TOLERANCE_PX
 
 WALLS = ("dark", "light", "mixed")
@@ -54,9 +61,8 @@ class WallFeatures:
     posters: bool
     """Whether they hang there."""
     features: int
-    """In the first view of the patch."""
     features_per_megapixel: float
-    """Of the patch in that view."""
+    """In the first view of the patch, in all and per 10⁶ pixels of it."""
     in_both_views: int
     """Those whose point on the wall lies in the second view, too."""
     repeated: int
@@ -65,14 +71,22 @@ class WallFeatures:
     """Share of them; None without any."""
 
 
-def patch_of(scene: Scene, name: str) -> Patch:
-    """Return the box around the copies of a poster.
+def compare_walls(scene: str, threshold: float, seed: int, out: Path) -> tuple[str, Table]:
+    """Measure every wall with and without its posters, write the results, and return the table with its title."""
+    check_range("seed", seed, 0)
+    setup = load_scene(scene)
+    rows = [count_features(setup, name, has, threshold, seed) for name in WALLS for has in (True, False)]
+    head = ("wall", "posters", "features", "features/MP", "in both views", "found again", "share")
+    table = Table(head, [(row.wall, "yes" if row.posters else "no", *astuple(row)[2:]) for row in rows])
+    lead = f"SURF, threshold {threshold:g}; two views {APART_DEG:g}° apart, {DISTANCE_M:g} m away, seed {seed}."
+    with result_folder(out) as folder:
+        write_report(folder / "report.html", "Feature points of dense walls", lead, [Section("Walls", table=table)])
+        write_json(folder / "result.json", {"threshold": threshold, "seed": seed, "rows": rows})
+    return lead, table
 
-    Raises
-    ------
-    InputError
-        If the scene has none of that name.
-    """
+
+def patch_of(scene: Scene, name: str) -> Patch:
+    """Return the box around the copies of a poster; none of that name is an `InputError`."""
     quads = [quad for quad in scene.quads if quad.name.startswith(name) and quad.marks]
     if not quads:
         raise InputError(f"--scene: expected posters called {name}01 and so on, found none")

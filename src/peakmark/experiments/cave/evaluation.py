@@ -4,21 +4,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from peaksim.geometry.pose import Pose
 
 from peakmark.arrays.decode import MarkerArray
-from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.samples import room_and_frames
 from peakmark.experiments.cave.walk import CaveFrame, CaveView, array_map, score_view
 from peakmark.experiments.journal import Journal
+from peakmark.experiments.option import check_choice, check_range
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.localise.from_arrays import Place, pose_from_arrays
 from peakmark.localise.pose import PoseEstimate
-from peakmark.plain import from_plain, to_plain
+from peakmark.plain import from_plain
 from peakmark.score.arrays import PrintedArray, printed_arrays
 from peakmark.score.markers import MarkerScore
 from peakmark.score.poses import pose_error
@@ -46,15 +46,11 @@ class EvaluationConfig:
     """Of rooms, views and noise; the classifier's samples come from others."""
 
     def __post_init__(self) -> None:
-        for name, value, fits, expected in (
-            ("rooms", self.rooms, 1 <= self.rooms <= 100_000, "1…100000"),
-            ("views", self.views, 1 <= self.views <= 1000, "1…1000"),
-            ("size", self.size, 0.1 <= self.size <= 1, "0.1…1"),
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("split", self.split, self.split in get_args(Split), " or ".join(get_args(Split))),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("rooms", self.rooms, 1, 100_000)
+        check_range("views", self.views, 1, 1000)
+        check_range("size", self.size, 0.1, 1)
+        check_range("seed", self.seed, 0)
+        check_choice("split", self.split, get_args(Split))
 
 
 @dataclass(frozen=True)
@@ -64,13 +60,11 @@ class ArrayRecord:
     name: str
     """Of the quad that carries it."""
     side_px: float
-    """Of its smallest marker."""
     tilt_deg: float
-    """Of its most tilted marker."""
+    """Of its smallest marker, and of its most tilted one."""
     is_decoded: bool
-    """Whether it was read rightly."""
     is_decoded_by_paper: bool
-    """Whether the paper's rule read it rightly."""
+    """Whether it was read rightly, by the robust decoder and by the paper's rule."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +76,8 @@ class PoseRecord:
     arrays: int
     """How many arrays it rests on."""
     mm: float
-    """Distance from the true position."""
     deg: float
-    """Angle to the true rotation."""
+    """Distance from the true position, and angle to the true rotation."""
     is_flipped: bool
     """Whether the other pose that was found is nearer to the true rotation."""
     is_certain: bool
@@ -96,11 +89,9 @@ class ViewRecord:
     """What is kept of a view."""
 
     room: int
-    """Number of the room."""
     camera: str
     """Its size, such as "1024×768"."""
     frame: CaveFrame
-    """The figures of the frame."""
     markers: tuple[MarkerScore, ...]
     """All visible markers."""
     arrays: tuple[ArrayRecord, ...]
@@ -114,21 +105,12 @@ def evaluate(
 ) -> list[ViewRecord]:
     """Return the records of all views; rooms that the journal in `out` already holds are not rendered again.
 
-    More rooms than last time extend the run.
-
-    Raises
-    ------
-    InputError
-        If the number of workers is not in 1…1024, or `out` cannot be written or holds another evaluation.
+    More rooms than last time extend the run; another configuration is an `InputError`.
     """
     journal = Journal.open(out, {name: value for name, value in asdict(config).items() if name != "rooms"})
     names = [f"room{room:05d}" for room in range(config.rooms)]
-    rooms = run_items(journal, names, partial(_plain_records, config), workers, on_room)
+    rooms = run_items(journal, names, partial(room_records, config), workers, on_room)
     return [from_plain(ViewRecord, record) for records in rooms for record in records]
-
-
-def _plain_records(config: EvaluationConfig, room: int) -> Any:
-    return to_plain(room_records(config, room))
 
 
 def room_records(config: EvaluationConfig, room: int) -> list[ViewRecord]:

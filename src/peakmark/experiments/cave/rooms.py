@@ -22,6 +22,7 @@ from peaksim.scene.posters import poster_copies
 from peaksim.scene.scene import Mesh, Quad, Scene
 
 from peakmark.errors import InputError
+from peakmark.experiments.photographs import load_photograph
 from peakmark.markers.array_code import polarities_of
 
 Split = Literal["training", "held-out"]
@@ -29,18 +30,11 @@ Split = Literal["training", "held-out"]
 PHOTOGRAPHS: Mapping[Split, tuple[str, ...]] = {
     "training": ("brick", "gravel", "astronaut", "camera", "coins", "page", "moon", "retina", "text"),
     "held-out": (
-        "grass",
-        "coffee",
-        "chelsea",
-        "rocket",
-        "hubble_deep_field",
-        "stereo_motorcycle",
-        "clock",
-        "china",
-        "flower",
+        *("grass", "coffee", "chelsea", "rocket", "hubble_deep_field", "stereo_motorcycle", "clock"),
+        *("china.jpg", "flower.jpg"),
     ),
 }
-"""Photographs that come with scikit-image, and the last two with scikit-learn."""
+"""See `load_photograph`."""
 
 WIDE, TALL = (3.8, 6.0), (2.4, 3.0)
 """Ranges of a room's width and depth, and of its height, metres: living rooms that hold a distance of 4 m."""
@@ -60,27 +54,14 @@ _GAP_M = 0.002
 
 @cache
 def photographs(split: Split) -> dict[str, NDArray[np.uint8]]:
-    """Return name → (h, w) uint8 grey photographs.
-
-    Raises
-    ------
-    InputError
-        If scikit-image or scikit-learn is not installed, or the split is unknown.
-    """
+    """Return name → (h, w) uint8 grey photographs, reduced; an unknown split is an `InputError`."""
     if split not in PHOTOGRAPHS:
         raise InputError(f"split: expected {' or '.join(PHOTOGRAPHS)}, got {split!r}")
     return {name: _photograph(name) for name in PHOTOGRAPHS[split]}
 
 
 def _photograph(name: str) -> NDArray[np.uint8]:
-    try:
-        from skimage import data
-        from sklearn.datasets import load_sample_image
-    except ImportError as error:
-        raise InputError("random rooms need photographs: pip install 'peakmark[train]'") from error
-    photo = load_sample_image(f"{name}.jpg") if name in ("china", "flower") else getattr(data, name)()
-    photo = photo[0] if isinstance(photo, tuple) else photo
-    grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY) if photo.ndim == 3 else photo
+    grey = load_photograph(name)
     shrink = max(1.0, grey.shape[1] / _PHOTO_PX)
     size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
@@ -91,11 +72,9 @@ class Room:
     """A random room."""
 
     scene: Scene
-    """Everything in it."""
     min_m: NDArray[np.float64]
-    """(3,) corner."""
     max_m: NDArray[np.float64]
-    """(3,) opposite corner."""
+    """(3,) opposite corners."""
     arrays: tuple[str, ...]
     """Names of the quads that carry one 3-bit array."""
 
@@ -137,9 +116,8 @@ class _Slot:
     """Where one poster may hang."""
 
     center_m: tuple[float, float, float]
-    """Of the poster."""
     normal: tuple[float, float, float]
-    """Out of the wall."""
+    """Of the poster, and out of the wall."""
 
 
 def _slots(rng: np.random.Generator, size: NDArray[np.float64]) -> list[_Slot]:
@@ -159,19 +137,26 @@ def _slots(rng: np.random.Generator, size: NDArray[np.float64]) -> list[_Slot]:
 
 
 def _array_poster(rng: np.random.Generator, code: int, slot: _Slot) -> Quad:
-    side = float(rng.uniform(*SIDE_M))
+    side_m = float(rng.uniform(*SIDE_M))
     first, second, third = ("L" if p == "light" else "D" for p in polarities_of(code))
+    return _hung(rng, slot, f"array{code}", (f".{first}", second + third), side_m, 1.5)[0]
+
+
+def _hung(
+    rng: np.random.Generator, slot: _Slot, name: str, rows: tuple[str, ...], side_m: float, pitch: float
+) -> list[Quad]:
+    """Return a poster of markers in a slot, a little askew, on paper that is not quite white."""
     table = schema.PosterTable(
-        name=f"array{code}",
-        rows=(f".{first}", second + third),
-        side_m=side,
-        pitch_m=1.5 * side,
+        name=name,
+        rows=rows,
+        side_m=side_m,
+        pitch_m=pitch * side_m,
         level=float(rng.uniform(225, 255)),
         center_m=slot.center_m,
         normal=slot.normal,
         turn_deg=float(rng.uniform(-8, 8)),
     )
-    return next(poster_copies(table, "array"))
+    return list(poster_copies(table, "poster"))
 
 
 def _other_poster(
@@ -190,17 +175,7 @@ def _other_poster(
     columns, rows = {"single": (1, 1), "block": (2, 2), "dense": (5, 7)}[str(kind)]
     side = 0.028 if kind == "dense" else side
     grid = tuple("".join(rng.choice(["D", "L"], columns)) for _ in range(rows))
-    table = schema.PosterTable(
-        name=f"{kind}{number:02d}",
-        rows=grid,
-        side_m=side,
-        pitch_m=(1.25 if kind == "dense" else 1.5) * side,
-        level=float(rng.uniform(225, 255)),
-        center_m=slot.center_m,
-        normal=slot.normal,
-        turn_deg=float(rng.uniform(-8, 8)),
-    )
-    return list(poster_copies(table, "poster"))
+    return _hung(rng, slot, f"{kind}{number:02d}", grid, side, 1.25 if kind == "dense" else 1.5)
 
 
 def _furniture(rng: np.random.Generator, size: NDArray[np.float64]) -> list[Mesh]:

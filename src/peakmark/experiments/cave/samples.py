@@ -101,13 +101,7 @@ def save_samples(path: Path, samples: Samples) -> None:
 
 
 def load_samples(path: Path) -> Samples:
-    """Read samples that `save_samples` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or holds something else.
-    """
+    """Read samples that `save_samples` wrote; anything else is an `InputError`."""
     try:
         with np.load(path, allow_pickle=False) as file:
             columns: dict[str, Any] = {field.name: file[field.name] for field in fields(Samples)}
@@ -118,15 +112,9 @@ def load_samples(path: Path) -> Samples:
 
 def join_samples(parts: Sequence[Samples]) -> Samples:
     """Return all parts' rows in one."""
-    return Samples(
-        evidence=np.concatenate([part.evidence for part in parts]),
-        is_marker=np.concatenate([part.is_marker for part in parts]),
-        room=np.concatenate([part.room for part in parts]),
-        side_px=np.concatenate([part.side_px for part in parts]),
-        tilt_deg=np.concatenate([part.tilt_deg for part in parts]),
-        unseen=sum(part.unseen for part in parts),
-        views=sum(part.views for part in parts),
-    )
+    names = ("evidence", "is_marker", "room", "side_px", "tilt_deg")
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Samples(**columns, unseen=sum(part.unseen for part in parts), views=sum(part.views for part in parts))
 
 
 def label_features(gray: NDArray[np.uint8], features: Keypoints, truth: Sequence[MarkerTruth], room: int) -> Samples:

@@ -1,17 +1,27 @@
-"""Classifiers of key points, trained on rendered rooms and evaluated on others (the paper's Section 5)."""
+"""Classifiers of key points, trained on rendered rooms and evaluated on others (the paper's Section 5).
+
+`run_training` writes classifier.json, roc.png, samples, report.html and result.json.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import Split
-from peakmark.experiments.cave.samples import Samples, collect_samples, join_samples
-from peakmark.identification.classifier import COLUMNS, Classifier
+from peakmark.experiments.cave.samples import Samples, collect_samples, join_samples, load_samples, save_samples
+from peakmark.experiments.option import check_range
+from peakmark.identification.classifier import COLUMNS, Classifier, Layer
 from peakmark.identification.model import LAYERS
+from peakmark.plain import to_plain
+from peakmark.report import plots
+from peakmark.report.page import Section, Table, svg_uri, write_report
+from peakmark.report.results import result_folder, write_json
 from peakmark.score.wanted import READABLE
 
 Array = NDArray[np.float64]
@@ -45,12 +55,9 @@ class TrainingConfig:
 
     def __post_init__(self) -> None:
         for name in ("training_rooms", "held_out_rooms", "views"):
-            if not 1 <= getattr(self, name) <= 10_000:
-                raise InputError(f"--{name.replace('_', '-')}: expected 1…10000, got {getattr(self, name)}")
-        if not 1 <= self.layers <= 20:
-            raise InputError(f"--layers: expected 1…20, got {self.layers}")
-        if self.seed < 0:
-            raise InputError(f"--seed: expected 0 or more, got {self.seed}")
+            check_range(name.replace("_", "-"), getattr(self, name), 1, 10_000)
+        check_range("layers", self.layers, 1, 20)
+        check_range("seed", self.seed, 0)
 
 
 @dataclass(frozen=True)
@@ -82,10 +89,7 @@ def samples_of(config: TrainingConfig, on_room: Callable[[], None] = lambda: Non
 def train(samples: Samples) -> dict[str, Classifier]:
     """Return one classifier a kind: thresholds on one column, the paper's oblique line, all columns, nonlinear.
 
-    Raises
-    ------
-    InputError
-        If scikit-learn is not installed.
+    Needs scikit-learn; without it an `InputError` says so.
     """
     if find_spec("sklearn") is None:
         raise InputError("training needs scikit-learn: pip install 'peakmark[train]'")
@@ -104,7 +108,8 @@ def _linear(samples: Samples, columns: list[str]) -> Classifier:
 
     mean, scale, values = _standardised(samples, columns)
     fit = LogisticRegression(C=100.0, max_iter=2000).fit(values, samples.is_marker)
-    return _at_operating_point(Classifier(tuple(columns), mean, scale, ((fit.coef_.T, fit.intercept_),), 0.0), samples)
+    layers = (Layer(fit.coef_.T, fit.intercept_),)
+    return _at_operating_point(Classifier(tuple(columns), mean, scale, layers, 0.0), samples)
 
 
 def _nonlinear(samples: Samples, columns: list[str]) -> Classifier:
@@ -114,7 +119,7 @@ def _nonlinear(samples: Samples, columns: list[str]) -> Classifier:
     mean, scale, values = _standardised(samples, columns)
     network = MLPClassifier((HIDDEN,), activation="tanh", solver="lbfgs", alpha=1e-2, max_iter=2000, random_state=0)
     network.fit(values, samples.is_marker)
-    layers = tuple(zip(network.coefs_, network.intercepts_, strict=True))
+    layers = tuple(map(Layer, network.coefs_, network.intercepts_))
     return _at_operating_point(Classifier(tuple(columns), mean, scale, layers, 0.0), samples)
 
 
@@ -164,3 +169,119 @@ def _scored(classifier: Classifier, samples: Samples) -> tuple[NDArray[np.float6
     is_wanted = must_be_found(samples)
     counts = is_wanted | ~samples.is_marker
     return classifier.scores(samples.evidence[counts]), is_wanted[counts]
+
+
+HEAD = ("classifier", "AP", "ROC area", "recall", "clutter/view", "own AP", "own recall", "own clutter/view")
+"""AP: average precision; "own": on the training rooms; recall and clutter at the operating point."""
+
+
+@dataclass(frozen=True)
+class SampleCounts:
+    """How many samples there are."""
+
+    views: int
+    markers: int
+    """Markers that must be found."""
+    clutter: int
+    """Other key points."""
+    markers_without_key_point: int
+    """Markers that must be found, but have no key point at their centre."""
+
+
+@dataclass(frozen=True)
+class ClassifierRecord:
+    """One kind of classifier."""
+
+    held_out: Quality
+    training: Quality
+    """In rooms that it was not trained on, and in its own."""
+    threshold: float
+    """Its operating point."""
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """What `result.json` holds."""
+
+    config: TrainingConfig
+    shipped: str
+    """The kind that classifier.json holds."""
+    training: SampleCounts
+    held_out: SampleCounts
+    """What was learnt from, and evaluated on."""
+    classifiers: dict[str, ClassifierRecord]
+    """By kind."""
+
+
+def run_training(
+    config: TrainingConfig, out: str | Path, is_reused: bool = False, on_room: Callable[[], None] = lambda: None
+) -> TrainingResult:
+    """Train and evaluate, write everything into `out`, and return what `result.json` holds.
+
+    With `is_reused` the samples that `out` holds are taken instead of rendering rooms; without any an `InputError`.
+    """
+    with result_folder(out) as folder:
+        if is_reused:
+            training, held_out = (load_samples(Path(out) / name) for name in ("training.npz", "held_out.npz"))
+        else:
+            training, held_out = samples_of(config, on_room)
+            save_samples(folder / "training.npz", training)
+            save_samples(folder / "held_out.npz", held_out)
+        classifiers = train(training)
+        rows = {
+            name: ClassifierRecord(evaluate_classifier(c, held_out), evaluate_classifier(c, training), c.threshold)
+            for name, c in classifiers.items()
+        }
+        result = TrainingResult(config, SHIPPED, _counts(training), _counts(held_out), rows)
+        write_json(folder / "classifier.json", {**to_plain(classifiers[SHIPPED]), "origin": _origin(result)})
+        figure, ax = plots.new_figure()
+        plots.roc(ax, {name: roc_rates(classifier, held_out) for name, classifier in classifiers.items()})
+        plots.save(figure, folder / "roc.png")
+        sections = [
+            Section("Classifiers", table=Table(HEAD, table_rows(result))),
+            Section("ROC on held-out rooms", image=svg_uri(figure)),
+        ]
+        write_report(folder / "report.html", "Key points → markers", _lead(result), sections)
+        write_json(folder / "result.json", result)
+    return result
+
+
+def _counts(samples: Samples) -> SampleCounts:
+    return SampleCounts(
+        views=samples.views,
+        markers=int(must_be_found(samples).sum()),
+        clutter=int(np.sum(~samples.is_marker)),
+        markers_without_key_point=samples.unseen,
+    )
+
+
+def _lead(result: TrainingResult) -> str:
+    own, held = result.training, result.held_out
+    return (
+        f"Trained on {own.markers} markers and {own.clutter:,} other key points of {own.views} views, evaluated "
+        f"on {held.markers} and {held.clutter:,} of {held.views} views of rooms with other photographs, "
+        f"cameras and noise. Operating points let {CLUTTER:g} key points of clutter a training view through."
+    )
+
+
+def table_rows(result: TrainingResult) -> list[tuple[Any, ...]]:
+    """Return one row a classifier under `HEAD`."""
+    return [
+        (
+            name,
+            *astuple(row.held_out),
+            row.training.average_precision,
+            row.training.recall,
+            row.training.clutter_per_view,
+        )
+        for name, row in result.classifiers.items()
+    ]
+
+
+def _origin(result: TrainingResult) -> str:
+    config, own = result.config, result.training
+    return (
+        f"scripts/train_classifier.py --training-rooms {config.training_rooms} --views {config.views} --layers "
+        f"{config.layers} --seed {config.seed}: {SHIPPED}, {own.markers} markers, {own.views} views, threshold at "
+        f"{CLUTTER:g} key points of clutter a view"
+    )

@@ -1,7 +1,7 @@
 """The SIFT/SURF CAVE (paper, Section 4.2, Figures 13–15): 3-bit arrays on the walls of a room, read and scored."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from time import perf_counter
 from typing import get_args
 
@@ -15,16 +15,16 @@ from peaksim.scene.scene import Scene
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
+from peakmark.experiments.option import check_choice, check_range
 from peakmark.identification.search import SearchResult, detect_features, search_features
 from peakmark.keypoints.image import as_gray
 from peakmark.localise.from_arrays import Place, pose_from_arrays
 from peakmark.localise.pose import PoseEstimate
+from peakmark.plain import INLINED
 from peakmark.score.arrays import ArrayScore, PrintedArray, printed_arrays, score_arrays
 from peakmark.score.markers import Score, score_frame
 from peakmark.score.poses import pose_error
 from peakmark.score.wanted import READABLE
-
-MOST_FRAMES = 100_000
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,10 @@ class CaveConfig:
     """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
-        for name, value, fits, expected in (
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("frames", self.frames, 1 <= self.frames <= MOST_FRAMES, f"1…{MOST_FRAMES}"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
-            ("samples", self.samples, self.samples >= 1, "1 or more"),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("seed", self.seed, 0)
+        check_range("frames", self.frames, 1, 100_000)
+        check_choice("renderer", self.renderer, get_args(Renderer))
+        check_range("samples", self.samples, 1)
 
 
 @dataclass(frozen=True)
@@ -74,30 +70,26 @@ class Counts:
     """Figures of a frame that add up over frames."""
 
     markers_in_view: int
-    """Markers that must be found."""
     markers_found: int
-    """Those that were."""
+    """Markers that must be found, and those that were."""
     false_detections: int
     """Detections at no visible marker."""
     polarity_errors: int
-    """Found markers with the wrong sign of the Laplacian."""
     polarity_errors_by_signature: int
-    """Found markers with a signature nearer to that of the other polarity."""
+    """Found markers with the wrong sign of the Laplacian, and with a signature nearer to that of the other polarity."""
     arrays_in_view: int
-    """Arrays that must be read."""
     arrays_decoded: int
-    """Those that were."""
+    """Arrays that must be read, and those that were."""
     wrong_codes: int
     """Codes that were named where no array with that code lies."""
     unsure: int
     """Readings without a code."""
     arrays_decoded_by_paper: int
-    """`arrays_decoded` by the paper's rule."""
     wrong_codes_by_paper: int
-    """`wrong_codes` by the paper's rule."""
+    """The same by the paper's rule."""
 
 
-COUNTS = tuple(field.name for field in fields(Counts))
+COUNTS = tuple(each.name for each in fields(Counts))
 
 
 def total(counts: Sequence[Counts]) -> Counts:
@@ -110,25 +102,21 @@ class CaveFrame:
     """The plain figures of one frame; a row of frames.csv, the counts inlined."""
 
     frame: int
-    """Number from 0."""
     time_on_path_s: float
-    """When it was taken."""
+    """Number from 0, and when it was taken."""
     features: int
-    """SURF key points."""
-    counts: Counts
-    """What adds up over frames."""
+    counts: Counts = field(metadata=INLINED)
+    """Number of key points, and what adds up over frames."""
     codes: tuple[int, ...]
     """That were read, rightly or wrongly."""
     missed: tuple[str, ...]
     """Names of the arrays and markers in view that were not found."""
     pose_mm: float | None
-    """Distance of the camera's pose from the true one; None without a pose."""
     pose_deg: float | None
-    """Angle between the two."""
+    """Distance and angle of the camera's pose from the true one; None without a pose."""
     pose_is_certain: bool | None
     """Whether no other pose explains the image nearly as well."""
     rank_of_last_marker: int | None
-    """See `Score`."""
     response_drop: float | None
     """See `Score`."""
     time_s: dict[str, float]
@@ -144,13 +132,11 @@ class CaveView:
     frame: Frame
     """After the sensor."""
     reading: Reading
-    """What was found."""
     markers: Score
     """Markers, and the responses of all features, against truth."""
     arrays: ArrayScore
-    """Against truth."""
     paper: ArrayScore
-    """The paper's rule against truth."""
+    """Arrays against truth, read by the robust decoder and by the paper's rule."""
     pose_error: tuple[float, float] | None
     """Of the camera, mm and degrees; None without a pose."""
     render_s: float
@@ -176,8 +162,8 @@ class CaveView:
     def counts(self) -> Counts:
         """Return what can be added up over frames."""
         return Counts(
-            markers_in_view=self.markers.wanted,
-            markers_found=self.markers.found,
+            markers_in_view=self.markers.markers_in_view,
+            markers_found=self.markers.markers_found,
             false_detections=self.markers.false_detections,
             polarity_errors=self.markers.polarity_errors,
             polarity_errors_by_signature=self.markers.signature_errors,
@@ -193,8 +179,7 @@ class CaveView:
 def array_map(printed: Sequence[PrintedArray]) -> dict[int, Place]:
     """Return code → where its array hangs; a code that hangs twice is left out."""
     codes = [array.code for array in printed]
-    once = [array for array in printed if codes.count(array.code) == 1]
-    return {array.code: Place(array.centers_m, array.axes, array.side_m) for array in once}
+    return {array.code: array.place for array in printed if codes.count(array.code) == 1}
 
 
 def read_frame(frame: Frame, places: Mapping[int, Place]) -> Reading:
@@ -246,13 +231,7 @@ def render_walk(setup: Setup, config: CaveConfig) -> Iterator[CaveView]:
 
 
 def open_cave(config: CaveConfig) -> Setup:
-    """Load the configuration's scene.
-
-    Raises
-    ------
-    InputError
-        If the scene is faulty or has no array.
-    """
+    """Load the configuration's scene; one without an array is an `InputError`."""
     setup = load_scene(config.scene)
     if not printed_arrays(setup.scene):
         raise InputError(f"--scene {config.scene}: expected posters with 3-bit arrays, found none")

@@ -1,7 +1,7 @@
 """Writes what the CAVE experiment found: images, film, tables, report.html and result.json."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
 
+from peakmark.arrays.decode import MarkerArray
 from peakmark.experiments.cave.walk import (
     COUNTS,
     CaveConfig,
@@ -21,14 +22,13 @@ from peakmark.experiments.cave.walk import (
     render_walk,
     total,
 )
-from peakmark.identification.detection import Detection
-from peakmark.plain import inlined
+from peakmark.plain import INLINED
 from peakmark.report import plots
 from peakmark.report.overlay import box_around, draw_arrays
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 from peakmark.report.views import write_views
-from peakmark.score.markers import at_markers
+from peakmark.score.markers import MarkerScore, at_markers
 
 _MOST_CUT_OUTS = 8
 """Arrays that Figure 15 shows: two lines of four."""
@@ -38,32 +38,27 @@ _MOST_CUT_OUTS = 8
 class CaveResult:
     """What `result.json` holds, the counts inlined: a frame's figures, or sums of counts and medians over several."""
 
-    counts: Counts
+    counts: Counts = field(metadata=INLINED)
     """Sums over the frames."""
     codes: list[int]
     """That were read in any frame, each once."""
     missed: list[str]
     """Names of what was not found, frame by frame."""
     pose_mm: float | None
-    """Median error of the camera's position; None without any pose."""
     pose_deg: float | None
-    """Median error of its rotation."""
+    """Median errors of the camera's position and rotation; None without any pose."""
     response_drop: float | None
-    """Median."""
     features: int
-    """Median number of key points."""
+    """Medians; `features` is the number of key points."""
     rank_of_last_marker: int | None
     """Of the first frame."""
     frames: int
-    """That were rendered."""
     time_s: dict[str, float | None]
     """Median seconds by stage."""
     config: CaveConfig
-    """Of the run."""
     load_s: float
     """Seconds for the scene."""
     peak_memory_mb: float
-    """Of this process."""
 
 
 def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> CaveResult:
@@ -91,9 +86,9 @@ def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = 
         first, figures = write_views(folder, render_walk(setup, config), draw_view, figures_of, film, keep)
         result = summarise_frames(records, config, load_s)
         if config.frames > 1:
-            write_rows(folder / "frames.csv", [inlined(record, "counts") for record in records])
+            write_rows(folder / "frames.csv", records)
         _write_report(folder, first, result, figures)
-        write_json(folder / "result.json", inlined(result, "counts"))
+        write_json(folder / "result.json", result)
     return result
 
 
@@ -152,8 +147,7 @@ def polarity_figure(view: CaveView) -> Any:
 
     image, detections = view.frame.image, view.reading.found.detections
     size = (image.shape[1], image.shape[0])
-    parts = [(_title(a.code), box_around(*_around(a.detections), size)) for a in view.reading.arrays[:_MOST_CUT_OUTS]]
-    parts = parts or [("no array", (0, 0, *size))]
+    parts = [_cut_out(array, size) for array in view.reading.arrays[:_MOST_CUT_OUTS]] or [("no array", (0, 0, *size))]
     columns = min(4, len(parts))
     rows = -(-len(parts) // columns)
     figure = Figure(figsize=(8, (8 / columns + 0.3) * rows), layout="constrained")
@@ -166,12 +160,11 @@ def polarity_figure(view: CaveView) -> Any:
     return figure
 
 
-def _title(code: int | None) -> str:
-    return "unsure" if code is None else f"array {code} = {code:03b}"
-
-
-def _around(detections: Sequence[Detection]) -> tuple[NDArray[np.float64], float]:
-    return np.array([d.xy for d in detections]), 1.5 * float(np.mean([d.size for d in detections]))
+def _cut_out(array: MarkerArray, size: tuple[int, int]) -> tuple[str, tuple[int, int, int, int]]:
+    """Return an array's title, and the box around it in an image of (width, height)."""
+    title = "unsure" if array.code is None else f"array {array.code} = {array.code:03b}"
+    margin_px = 1.5 * float(np.mean([d.size for d in array.detections]))
+    return title, box_around(np.array([d.xy for d in array.detections]), margin_px, size)
 
 
 def _write_report(folder: Path, first: CaveView, result: CaveResult, figures: dict[str, str]) -> None:
@@ -206,23 +199,13 @@ def _write_report(folder: Path, first: CaveView, result: CaveResult, figures: di
 def marker_table(view: CaveView) -> Table:
     """Return one row a marker: truth beside what was found."""
     head = ("marker", "side (px)", "distance (m)", "tilt (°)", "found", "error (px)", "polarity", "by signature")
+    return Table(head, [_marker_row(marker) for marker in view.markers.markers[:200]])
+
+
+def _marker_row(m: MarkerScore) -> tuple[Any, ...]:
     words = {True: "right", False: "wrong", None: None}
-    return Table(
-        head,
-        [
-            (
-                m.name,
-                m.side_px,
-                m.distance_m,
-                m.tilt_deg,
-                "yes" if m.is_found else "no",
-                m.error_px,
-                words[m.is_polarity_right],
-                words[m.is_signature_right],
-            )
-            for m in view.markers.markers[:200]
-        ],
-    )
+    found = ("yes" if m.is_found else "no", m.error_px, words[m.is_polarity_right], words[m.is_signature_right])
+    return (m.name, m.side_px, m.distance_m, m.tilt_deg, *found)
 
 
 def result_rows(result: CaveResult) -> list[tuple[str, Any]]:

@@ -91,7 +91,7 @@ def _tilt_text(rows: Sequence[Row], marker: str, detector: str) -> str:
     texts = []
     for distance in (1, 2, 5, 20):
         curve = select(rows, "tilt", marker, detector, sides_away(distance))
-        errors = [(row.x, row.found.error.rms_px) for row in curve]
+        errors = [(row.x, row.found.error.rms) for row in curve]
         beyond = [x for x, rms in errors if rms is None or rms > TOLERANCE_PX]
         missed = ", ".join(f"{row.x:g}°" for row in curve if not _is_often_found(row))
         text = f"beyond 3 px RMS {f'from {beyond[0]:g}°' if beyond else 'never'}, below 90 % at {missed or 'none'}"
@@ -166,8 +166,8 @@ def _claim_optimal(rows: Sequence[Row]) -> list[str]:
 def _claim_sift_bias(rows: Sequence[Row]) -> list[str]:
     texts = []
     for detector in ("sift-opencv", "sift", "vlfeat"):
-        errors = [row.found.error for row in select(rows, "bias", "sift-dark", detector)]
-        biases = [(error.bias_x_px, error.bias_y_px) for error in errors if error.bias_x_px is not None]
+        curve = select(rows, "bias", "sift-dark", detector)
+        biases = [row.found.error.bias_xy for row in curve if row.found.error.bias_xy is not None]
         if biases:
             x, y = np.median(np.array(biases, dtype=np.float64), axis=0)
             texts.append(f"{detector} ({x:+.3f}, {y:+.3f}) px")

@@ -109,9 +109,9 @@ def draw_rate(ax: Any, curve: Sequence[Row], colour: str) -> None:
 
 def draw_error(ax: Any, curve: Sequence[Row], colour: str) -> None:
     """Draw the RMS error from the true centre and, dashed, from the projected blob's centroid."""
-    found = [row for row in curve if row.found.error.rms_px is not None]
+    found = [row for row in curve if row.found.error.rms is not None]
     x = [row.x for row in found]
-    ax.plot(x, [row.found.error.rms_px for row in found], color=colour, linewidth=1.2)
-    ax.plot(x, [row.found.blob_error.rms_px for row in found], color=colour, linestyle="--", linewidth=0.9)
+    ax.plot(x, [row.found.error.rms for row in found], color=colour, linewidth=1.2)
+    ax.plot(x, [row.found.blob_error.rms for row in found], color=colour, linestyle="--", linewidth=0.9)
     ax.axhline(TOLERANCE_PX, color="black", linewidth=0.8, linestyle=":")
     ax.set(ylabel="RMS error, px", title="error from the true centre;\ndashed: from the blob's", ylim=(0, 6))

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.text_file import read_text
 
 from peakmark.errors import InputError
 
@@ -21,6 +22,8 @@ REQUIRED = 0.95
 
 COLUMNS = ("marker", "detector", "noise", "tilt_deg", "side_px", "detected", "detected_low")
 """Of the shipped table."""
+
+_LARGEST_FILE = 10_000_000  # bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +47,8 @@ class Reach:
     tilt_deg: float
     """Between the marker's normal and the ray to the camera."""
     nearest_m: float | None
-    """The nearest measured distance inside the envelope; None if there is none."""
     farthest_m: float | None
-    """The farthest."""
+    """Nearest and farthest measured distance inside the envelope; None if there is none."""
     gaps_m: tuple[tuple[float, float], ...]
     """Distances between them where a measured size fails, from its nearer to its farther good neighbour."""
 
@@ -56,10 +58,7 @@ def load_rates(
 ) -> Rates:
     """Return measured rates, the shipped ones unless `path` names another envelope.csv.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or lacks the combination; the message lists those there are.
+    An `InputError` says that the file cannot be read, or which combinations it has instead of this one.
     """
     table = _table(path)
     key = (marker, detector, f"{noise:g}")
@@ -77,23 +76,29 @@ def load_rates(
 
 @cache
 def _table(path: Path | None) -> tuple[tuple[str, ...], ...]:
-    try:
-        text = (path or Path(__file__).with_name("envelope.csv")).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path or 'envelope.csv'}: expected a table of rates, got {error}") from error
-    head, *lines = text.splitlines() or [""]
+    file = path or Path(__file__).with_name("envelope.csv")
+    head, *lines = read_text(file, _LARGEST_FILE).splitlines() or [""]
     if tuple(head.split(",")) != COLUMNS:
-        raise InputError(f"{path or 'envelope.csv'}: expected columns {', '.join(COLUMNS)}, got {head[:80]!r}")
-    return tuple(tuple(line.split(",")) for line in lines)
+        raise InputError(f"{file}: expected columns {', '.join(COLUMNS)}, got {head[:80]!r}")
+    rows = tuple(tuple(line.split(",")) for line in lines)
+    for number, row in enumerate(rows, 2):
+        if len(row) != len(COLUMNS) or not all(map(_is_number, row[3:])):
+            expected = f"{len(COLUMNS)} columns, numbers from {COLUMNS[3]} on"
+            raise InputError(f"{file}: line {number}: expected {expected}, got {lines[number - 2]!r:.80}")
+    return rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text)))
+    except ValueError:
+        return False
 
 
 def reach(rates: Rates, focal_px: float, side_m: float, required: float = REQUIRED) -> list[Reach]:
     """Return the distances at which a marker of side `side_m` is found, tilt by tilt.
 
-    Raises
-    ------
-    InputError
-        If the focal length or the side is not positive, or the required rate not in 0…1.
+    The focal length and the side must be positive, the required rate in 0…1; else an `InputError`.
     """
     if not 0 < required < 1:
         raise InputError(f"required rate: expected a number between 0 and 1, got {required}")

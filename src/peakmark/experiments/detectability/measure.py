@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from functools import cache, lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from peakmark.experiments.detectability.trials import (
 )
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
-from peakmark.plain import from_plain, to_plain
+from peakmark.plain import from_plain
 
 _REFERENCE_TRIALS = 25
 """Undistorted images whose medians are the reference."""
@@ -88,13 +87,7 @@ def _stream(seed: int, name: str, trial: int) -> np.random.Generator:
 
 
 def open_journal(config: DetectabilityConfig, out: str | Path) -> Journal:
-    """Open the journal of finished points; what is measured of a point depends on these fields alone.
-
-    Raises
-    ------
-    InputError
-        If `out` cannot be written, or holds the points of another configuration.
-    """
+    """Open the journal of finished points; what is measured of a point depends on these fields alone."""
     return Journal.open(out, {name: getattr(config, name) for name in ("trials", "seed", "extra", "is_paper")})
 
 
@@ -112,8 +105,8 @@ def measure_points(
     return _rows(config, journal)
 
 
-def _measured(ordered: Sequence[Point], trials: int, seed: int, index: int) -> Any:
-    return to_plain(measure_point(ordered[index], trials, seed))
+def _measured(ordered: Sequence[Point], trials: int, seed: int, index: int) -> list[Row]:
+    return measure_point(ordered[index], trials, seed)
 
 
 def _rows(config: DetectabilityConfig, journal: Journal) -> list[Row]:
@@ -130,13 +123,7 @@ def grouped_by_drawing(listed: Sequence[Point]) -> list[Point]:
 
 
 def finished_rows(config: DetectabilityConfig, journal: Journal) -> list[Row]:
-    """Return the rows of the points that the journal holds, in the order of the points.
-
-    Raises
-    ------
-    InputError
-        If it holds none.
-    """
+    """Return the rows of the points that the journal holds, in the order of the points; none is an `InputError`."""
     rows = _rows(config, journal)
     if not rows:
         raise InputError(f"{journal.path}: expected finished points, found none")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from peakmark.detectors.registry import find_detector
 from peakmark.errors import InputError
 from peakmark.experiments.detectability.conditions import SIFT_SIDES, Condition
+from peakmark.experiments.option import check_range
 
 SURF_SIDE_PX = 147.0
 """Side of the SURF marker where it is not the axis (the paper's)."""
@@ -36,7 +37,6 @@ PAPER_EXPERIMENTS = ("scale", "turn", "tilt", "noise")
 
 _SURF_DETECTORS = ("surf-paper", "surf")
 _SIFT_IMAGE_PX = 257
-_LARGEST_ROTATION_DEG = 180
 _TILTS_DEG = np.array([0, 15, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80], float)
 _NEAR_TILTS_DEG = np.array([0, 15, 25, 30, 35, 45, 55, 65, 75, 80], float)
 
@@ -59,9 +59,9 @@ class DetectabilityConfig:
     """One centred image a point, as the paper's figures have it, instead of random ones."""
 
     def __post_init__(self) -> None:
-        for name, value, low in (("trials", self.trials, 1), ("every", self.every, 1), ("seed", self.seed, 0)):
-            if value < low:
-                raise InputError(f"--{name}: expected {low} or more, got {value}")
+        check_range("trials", self.trials, 1)
+        check_range("every", self.every, 1)
+        check_range("seed", self.seed, 0)
         for name in self.only:
             if name not in EXPERIMENTS:
                 raise InputError(f"--only: expected some of {', '.join(EXPERIMENTS)}, got {name!r}")
@@ -78,9 +78,7 @@ class Point:
     x: float
     """Position on the experiment's axis."""
     condition: Condition
-    """What the image shows."""
     detectors: tuple[str, ...]
-    """Names of detectors."""
     series: str = ""
     """What tells this point's curve from others of the same marker, such as "2 sides away"."""
 
@@ -94,18 +92,15 @@ def points(config: DetectabilityConfig) -> list[Point]:
     """Return all points of a configuration, experiment by experiment."""
     names = config.only or (PAPER_EXPERIMENTS if config.is_paper else tuple(EXPERIMENTS))
     chosen = [point for name in names for point in EXPERIMENTS[name](config.every)]
+    as_in_paper: dict[str, Any] = {"is_centred": True, "image_px": PAPER_PX} if config.is_paper else {}
     return [
         replace(
             point,
             detectors=tuple(dict.fromkeys((*point.detectors, *config.extra))),
-            condition=_as_in_paper(point.condition) if config.is_paper else point.condition,
+            condition=replace(point.condition, **as_in_paper),
         )
         for point in chosen
     ]
-
-
-def _as_in_paper(condition: Condition) -> Condition:
-    return replace(condition, is_centred=True, image_px=PAPER_PX)
 
 
 def undistorted(kind: str) -> Condition:
@@ -142,16 +137,21 @@ def _scale(every: int) -> list[Point]:
     sides = np.unique(np.rint(np.geomspace(8, 260, 54)))[::every]
     sigmas = np.round(np.geomspace(1, 60, 22), 2)[::every]
     surf = [
-        Point("scale", float(s), Condition(kind, float(s), _image_px(s)), _scale_detectors(kind, s))
+        Point("scale", float(s), _sized(kind, float(s)), _scale_detectors(kind, s))
         for kind, step in zip(SURF_KINDS, (1, 2), strict=True)
         for s in sides[::step]
     ]
     sift = [
-        Point("scale", float(s), Condition(kind, SIFT_SIDES * s, _image_px(SIFT_SIDES * s)), ("sift", "surf-paper"))
+        Point("scale", float(s), _sized(kind, SIFT_SIDES * s), ("sift", "surf-paper"))
         for kind, step in zip(SIFT_KINDS, (1, 2), strict=True)
         for s in sigmas[::step]
     ]
     return surf + sift
+
+
+def _sized(kind: str, side_px: float) -> Condition:
+    """Return the condition of a marker of a size, in an image that is just large enough."""
+    return Condition(kind, side_px, _image_px(side_px))
 
 
 def _scale_detectors(kind: str, side_px: float) -> tuple[str, ...]:
@@ -169,14 +169,7 @@ def _bias(every: int) -> list[Point]:
     """Return points for all SIFT detectors; VLFeat's takes part if it is installed."""
     names = ("sift", "sift-opencv", *(("vlfeat",) if find_spec("pycolmap") else ()))
     sigmas = np.array([4.0, 6.0, 9.0, 13.0])[::every]
-    return [
-        Point("bias", float(s), Condition("sift-dark", SIFT_SIDES * s, _image_px(SIFT_SIDES * s)), names)
-        for s in sigmas
-    ]
-
-
-def _rotation(every: int) -> list[Point]:
-    return _along("turn", "turn_deg", np.arange(0.0, _LARGEST_ROTATION_DEG + 1, 15)[::every])
+    return [Point("bias", float(s), _sized("sift-dark", SIFT_SIDES * s), names) for s in sigmas]
 
 
 def _tilt(every: int) -> list[Point]:
@@ -240,9 +233,8 @@ def _map(every: int) -> list[Point]:
 
 
 def _map_condition(kind: str, side_px: float, tilt_deg: float, noise: float) -> Condition:
-    return Condition(
-        kind, side_px, _image_px(side_px), tilt_deg=tilt_deg, noise=noise, position_range_px=MAP_POSITION_RANGE_PX
-    )
+    sized = _sized(kind, side_px)
+    return replace(sized, tilt_deg=tilt_deg, noise=noise, position_range_px=MAP_POSITION_RANGE_PX)
 
 
 def map_series(tilt_deg: float, noise: float) -> str:
@@ -252,7 +244,7 @@ def map_series(tilt_deg: float, noise: float) -> str:
 
 def _axis(name: str, every: int) -> list[Point]:
     field_name, values = _AXES[name]
-    return _along(name, field_name, np.asarray(values, dtype=np.float64)[::every])
+    return _along(name, field_name, np.asarray(values, dtype=int if name == "jpeg" else float)[::every])
 
 
 def _noise(every: int) -> list[Point]:
@@ -262,16 +254,9 @@ def _noise(every: int) -> list[Point]:
     return surf + _along("noise", "noise", values, "", SIFT_KINDS)
 
 
-def _jpeg(every: int) -> list[Point]:
-    qualities = (100, 90, 75, 50, 30, 20, 10, 5, 2)[::every]
-    return [
-        Point("jpeg", float(quality), replace(condition, jpeg_quality=quality), detectors)
-        for condition, detectors in _markers()
-        for quality in qualities
-    ]
-
-
 _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
+    "turn": ("turn_deg", tuple(range(0, 181, 15))),
+    "jpeg": ("jpeg_quality", (100, 90, 75, 50, 30, 20, 10, 5, 2)),
     "defocus": ("defocus_px", (0, 2, 4, 6, 9, 12, 16, 20, 25, 30, 40)),
     "motion": ("motion_px", (0, 5, 10, 15, 20, 30, 40, 50, 60, 80)),
     "exposure": ("exposure", (0.05, 0.1, 0.2, 0.4, 0.7, 1, 1.4, 2, 3, 4)),
@@ -280,13 +265,12 @@ _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 EXPERIMENTS: dict[str, Callable[[int], list[Point]]] = {
     "scale": _scale,
-    "turn": _rotation,
+    "turn": partial(_axis, "turn"),
     "tilt": _tilt,
     "noise": _noise,
     "bias": _bias,
     "contrast": _contrast,
-    "jpeg": _jpeg,
-    **{name: partial(_axis, name) for name in _AXES},
+    **{name: partial(_axis, name) for name in ("jpeg", "defocus", "motion", "exposure")},
     "vignetting": _vignetting,
     "background": _photographs,
     "map": _map,

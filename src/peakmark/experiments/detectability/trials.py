@@ -5,13 +5,14 @@ and *uniquely* if that is the strongest key point of the image.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.detectors.outcome import Outcome
 from peakmark.experiments.detectability.conditions import MarkerImage
+from peakmark.score.markers import Localisation, localisation
 from peakmark.score.statistics import Rate, rate
 from peakmark.score.wanted import TOLERANCE_PX
 
@@ -30,9 +31,8 @@ class ReferenceResponse:
     """What a detector gives for an undistorted marker."""
 
     response: float
-    """Median response."""
     size_per_side: float
-    """Median key point size over the marker's side."""
+    """Medians of the response, and of the key point's size over the marker's side."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,15 @@ class Trial:
     """One image through one detector."""
 
     detected: bool
-    """Within `TOLERANCE_PX`."""
     detected_in_sides: bool
-    """Within `TOLERANCE_SIDES`."""
+    """Within `TOLERANCE_PX`, and within `TOLERANCE_SIDES`."""
     unique: bool
     """Detected, and by the strongest key point of the image."""
     response: float
     """Of the key point that is taken for the marker's; nan without one."""
     error_px: NDArray[np.float64]
-    """(2,) its position minus the true centre; nan without one."""
     blob_error_px: NDArray[np.float64]
-    """(2,) its position minus the projected blob's centroid."""
+    """(2,) its position minus the true centre, and minus the projected blob's centroid; nan without one."""
     size_per_side: float
     """Its size over the marker's side in the image."""
 
@@ -60,28 +58,11 @@ _NO_ERROR = np.full(2, np.nan)
 
 @dataclass(frozen=True)
 class Percentiles:
-    """The middle 90 % of a quantity; None where nothing was found."""
+    """The median and the middle 90 % of a quantity; None where nothing was found."""
 
     median: float | None
-    """Half of the values are below."""
     p5: float | None
-    """5 % of the values are below."""
     p95: float | None
-    """95 % of the values are below."""
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors of the marker's key point, px; None where there was none."""
-
-    bias_x_px: float | None
-    """Mean along x."""
-    bias_y_px: float | None
-    """Mean along y."""
-    rms_px: float | None
-    """Root mean square distance."""
-    p95_px: float | None
-    """95th percentile of the distance."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +70,9 @@ class Summary:
     """The trials of one condition through one detector."""
 
     trials: int
-    """Number of images."""
     detected: Rate
-    """Trials with the marker within `TOLERANCE_PX`."""
     detected_in_sides: Rate
-    """Trials with the marker within `TOLERANCE_SIDES`."""
+    """Trials with the marker within `TOLERANCE_PX`, and within `TOLERANCE_SIDES`."""
     unique: Rate
     """Trials with the marker as the strongest key point."""
     response: Percentiles
@@ -102,16 +81,14 @@ class Summary:
     """Median response over that of the undistorted marker."""
     size_per_side: Percentiles
     """Size of the key point over the marker's side, where detected."""
-    error: Errors
-    """From the marker's projected centre."""
-    blob_error: Errors
-    """From the centroid of the image of its central blob."""
+    error: Localisation
+    blob_error: Localisation
+    """From the marker's projected centre, and from the centroid of the image of its central blob."""
     failures: int
     """Trials in which the detector raised an exception."""
     not_finite: int
-    """Key points with nan or inf, over all trials."""
     outside: int
-    """Key points outside the image, over all trials."""
+    """Key points with nan or inf, and outside the image, over all trials."""
     first_failure: str
     """The first exception's type and text."""
 
@@ -121,17 +98,13 @@ class Row:
     """One point through one detector."""
 
     experiment: str
-    """Name of the axis."""
     marker: str
-    """Kind of the marker."""
     series: str
     """What tells this curve from others of the same marker."""
     x: float
     """Position on the axis."""
     detector: str
-    """Name of the detector."""
     found: Summary
-    """Its trials."""
 
     def columns(self) -> dict[str, str | float | None]:
         """Return the columns of rows.csv."""
@@ -145,8 +118,8 @@ class Row:
             **_percentile_columns("response", found.response),
             "response_ratio": found.response_ratio,
             **_percentile_columns("size_per_side", found.size_per_side),
-            **asdict(found.error),
-            **{f"blob_{name}": value for name, value in asdict(found.blob_error).items()},
+            **_error_columns("", found.error),
+            **_error_columns("blob_", found.blob_error),
             **{name: getattr(found, name) for name in ("failures", "not_finite", "outside", "first_failure")},
         }
 
@@ -157,6 +130,12 @@ def _rate_columns(name: str, share: Rate) -> dict[str, float | None]:
 
 def _percentile_columns(name: str, found: Percentiles) -> dict[str, float | None]:
     return {name: found.median, f"{name}_p5": found.p5, f"{name}_p95": found.p95}
+
+
+def _error_columns(prefix: str, found: Localisation) -> dict[str, float | None]:
+    x, y = found.bias_xy or (None, None)
+    names = ("bias_x_px", "bias_y_px", "rms_px", "p95_px")
+    return {f"{prefix}{name}": value for name, value in zip(names, (x, y, found.rms, found.p95), strict=True)}
 
 
 def score_image(view: MarkerImage, outcome: Outcome, reference: ReferenceResponse | None) -> Trial:
@@ -220,8 +199,8 @@ def summarise_trials(
         response=response,
         response_ratio=None if response.median is None or reference is None else response.median / reference.response,
         size_per_side=_percentiles([trial.size_per_side for trial in detected]),
-        error=_errors([trial.error_px for trial in trials]),
-        blob_error=_errors([trial.blob_error_px for trial in trials]),
+        error=_localisation([trial.error_px for trial in trials]),
+        blob_error=_localisation([trial.blob_error_px for trial in trials]),
         failures=sum(bool(outcome.failure) for outcome in outcomes),
         not_finite=sum(outcome.not_finite for outcome in outcomes),
         outside=sum(outcome.outside for outcome in outcomes),
@@ -236,11 +215,6 @@ def _percentiles(values: Sequence[float]) -> Percentiles:
     return Percentiles(median, p5, p95)
 
 
-def _errors(errors_px: Sequence[NDArray[np.float64]]) -> Errors:
+def _localisation(errors_px: Sequence[NDArray[np.float64]]) -> Localisation:
     """Return the errors over the trials with a key point; (2,) each, nan without one."""
-    found = np.array([error for error in errors_px if np.isfinite(error).all()])
-    if len(found) == 0:
-        return Errors(None, None, None, None)
-    distance = np.linalg.norm(found, axis=1)
-    x, y = found.mean(axis=0)
-    return Errors(float(x), float(y), float(np.sqrt((distance**2).mean())), float(np.percentile(distance, 95)))
+    return localisation(np.array([error for error in errors_px if np.isfinite(error).all()]))

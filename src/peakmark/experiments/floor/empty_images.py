@@ -8,24 +8,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.errors import InputError
 from peakmark.experiments.floor.flight import open_flight, render_frame
 from peakmark.experiments.floor.flights import flight_config
+from peakmark.experiments.photographs import load_photograph
 from peakmark.identification.api import identify
 from peakmark.identification.stretch import Stretch
 from peakmark.keypoints.image import as_gray
 from peakmark.plain import to_plain
 from peakmark.score.statistics import Rate, rate
 
-GRAY_PHOTOGRAPHS = ("brick", "clock", "coins", "grass", "microaneurysms", "moon", "text")
-COLOUR_PHOTOGRAPHS = (
-    *("astronaut", "cat", "chelsea", "coffee", "colorwheel", "hubble_deep_field", "immunohistochemistry"),
-    *("retina", "rocket"),
+PHOTOGRAPHS = (
+    *("astronaut", "brick", "cat", "chelsea", "clock", "coffee", "coins", "colorwheel", "grass", "hubble_deep_field"),
+    *("immunohistochemistry", "microaneurysms", "moon", "retina", "rocket", "text", "china.jpg", "flower.jpg"),
 )
-"""Of scikit-image; camera, cell, gravel and page are left out, for the identification was tuned on them."""
-
-SAMPLES = ("china.jpg", "flower.jpg")
-"""Of scikit-learn."""
+"""camera, cell, gravel and page are left out, for the identification was tuned on them."""
 
 WIDTHS_PX = (240, 400, 640, 1000, 1600)
 """To which each photograph is scaled."""
@@ -64,33 +60,15 @@ class FalsePositives:
 
 
 def photographs(widths_px: Sequence[int] = WIDTHS_PX) -> Iterator[EmptyImage]:
-    """Yield each photograph at each width and stretch.
-
-    Raises
-    ------
-    InputError
-        If scikit-image or scikit-learn is not installed.
-    """
-    for name, gray in _originals():
+    """Yield each photograph at each width and stretch."""
+    for name in PHOTOGRAPHS:
+        gray = load_photograph(name)
         for width in widths_px:
             size = (width, round(gray.shape[0] * width / gray.shape[1]))
             smooth = cv2.INTER_AREA if width < gray.shape[1] else cv2.INTER_CUBIC
             scaled = np.asarray(cv2.resize(gray, size, interpolation=smooth), dtype=np.uint8)
             for stretch in STRETCHES:
                 yield EmptyImage(f"{name} {width} px, stretch {stretch:g}", "photograph", scaled, stretch)
-
-
-def _originals() -> Iterator[tuple[str, NDArray[np.uint8]]]:
-    try:
-        from skimage import data
-        from sklearn.datasets import load_sample_image
-    except ImportError as error:
-        raise InputError(f"photographs need scikit-image and scikit-learn: {error}") from error
-    for name in sorted(GRAY_PHOTOGRAPHS + COLOUR_PHOTOGRAPHS):
-        image = np.asarray(getattr(data, name)())
-        yield name, as_gray(image if name in GRAY_PHOTOGRAPHS else image[..., :3])
-    for name in SAMPLES:
-        yield name, as_gray(load_sample_image(name))
 
 
 def bare_floors(frames: int = FRAMES_PER_FLOOR) -> Iterator[EmptyImage]:

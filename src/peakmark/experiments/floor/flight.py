@@ -18,8 +18,8 @@ from peaksim.scene.ride import Ride
 from peaksim.scene.ride_file import load_ride, shortened
 from peaksim.scene.scene import Scene
 
-from peakmark.errors import InputError
 from peakmark.experiments.floor.view import FloorView, faster_renderer, score_view
+from peakmark.experiments.option import check_choice, check_range
 from peakmark.identification.api import STRONGEST, Rule
 from peakmark.identification.stretch import LARGEST, SMALLEST, Stretch, floor_stretch
 from peakmark.localise.locate import FloorMap
@@ -52,16 +52,12 @@ class FlightConfig:
     """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
-        for name, value, fits, expected in (
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("frames", self.frames, self.frames is None or 1 <= self.frames <= 1_000_000, "1…1000000"),
-            ("stretch", self.stretch, self.stretch is None or SMALLEST <= self.stretch <= LARGEST, "0.25…8"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
-            ("samples", self.samples, self.samples >= 1, "1 or more"),
-            ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("seed", self.seed, 0)
+        check_range("frames", self.frames, 1, 1_000_000)
+        check_range("stretch", self.stretch, SMALLEST, LARGEST)
+        check_choice("renderer", self.renderer, get_args(Renderer))
+        check_range("samples", self.samples, 1)
+        check_choice("rule", self.rule, get_args(Rule))
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,6 @@ class Flight:
     """A loaded flight."""
 
     config: FlightConfig
-    """What was to be flown."""
     setup: Setup
     """The scene and its own camera."""
     ride: Ride
@@ -85,13 +80,7 @@ class Flight:
 
 
 def open_flight(config: FlightConfig) -> Flight:
-    """Load scene and ride.
-
-    Raises
-    ------
-    InputError
-        One line for a faulty file, a camera that leaves the room, or a texture that is not there.
-    """
+    """Load scene and ride; an `InputError` names a faulty file, a missing texture, a camera that leaves the room."""
     setup, ride = load_ride(config.trajectory, config.scene, config.texture, config.seed)
     if config.frames is not None:
         ride = shortened(ride, config.frames)

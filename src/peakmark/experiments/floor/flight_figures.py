@@ -1,13 +1,18 @@
-"""The figures of one flight, or of many as one sample: rates by Wilson, quantiles by bootstrap, both 95 %."""
+"""The figures of one flight, or of many as one sample: rates by Wilson, quantiles by bootstrap, both 95 %.
+
+`FlightResult` is what result.json says of a flight: all its figures, and remarks on what they are worth.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth
 
+from peakmark.experiments.floor.flight import Flight, FlightConfig
 from peakmark.experiments.floor.flight_records import FrameRecord
 from peakmark.experiments.floor.flight_tracking import (
     DISTANCES,
@@ -18,6 +23,8 @@ from peakmark.experiments.floor.flight_tracking import (
     true_distances,
 )
 from peakmark.localise.locate import FEWEST
+from peakmark.plain import plain_fields
+from peakmark.report.results import peak_memory_mb
 from peakmark.score.poses import TrajectoryErrors, trajectory_errors
 from peakmark.score.statistics import Bin, Quantiles, Rate, quantiles, rate, recall_by
 from peakmark.score.wanted import IN_VIEW, Wanted
@@ -38,15 +45,13 @@ class DetectionFigures:
     """How the markers of all frames were found."""
 
     frames: int
-    """How many."""
     recall: Rate
     """Of the markers that must be found, see `Flown.wanted`."""
     precision: Rate
     """Detections that are at a marker."""
     false: int
-    """Detections that are not."""
     false_per_megapixel: float
-    """The same for each 10⁶ pixels."""
+    """Detections that are at no marker, in all and for each 10⁶ pixels."""
     uniquely_detectable: Rate
     """Frames with such markers in which the weakest found one has a response above all clutter."""
     silent_without_markers: Rate
@@ -68,7 +73,6 @@ class PoseFigures:
     wrong: int
     """Poses that were accepted and are a flip or on another part of the map."""
     position_mm: Quantiles
-    """Errors."""
     rotation_deg: Quantiles
     """Errors."""
 
@@ -90,17 +94,36 @@ class MotionFigures:
 
 
 @dataclass(frozen=True)
-class RecallRow:
-    """Recall in one bin, markers fully in view."""
+class FlightResult:
+    """What result.json holds; `distance`, `pose` and `motion` are left out without a map of level markers."""
 
-    low: float
-    """Of the bin, itself in it."""
-    high: float
-    """No longer in it."""
-    recall: Rate
-    """Of the markers in it."""
-    error_px: float | None
-    """Median localisation error of the found ones."""
+    detection: DetectionFigures
+    distance: dict[str, Quantiles] | None
+    """Relative errors, by each of `DISTANCES`."""
+    pose: PoseFigures | None
+    motion: MotionFigures | None
+    time_s: dict[str, float]
+    """Median seconds of each stage, and "frames_per_second"."""
+    recall_by: dict[str, list[Bin]]
+    """By side, tilt and distance."""
+    pixels: int
+    """Of a frame."""
+    remarks: list[str]
+    """What makes figures unreliable, a line each."""
+    renderer: str
+    gl_renderer: str | None
+    """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
+    config: FlightConfig
+    peak_memory_mb: float
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return what result.json holds."""
+        of_map = ("distance", "pose", "motion")
+        plain = {name: part for name, part in plain_fields(self).items() if part is not None or name not in of_map}
+        del plain["detection"]["false"]
+        for row in (row for rows in plain["recall_by"].values() for row in rows):
+            row["error_px"] = row["error_px"]["p50"]
+        return plain
 
 
 def outcomes(records: Iterable[FrameRecord], wanted: Wanted) -> list[tuple[MarkerTruth, float]]:
@@ -166,14 +189,6 @@ def recall_bins(flights: Iterable[Flown], quantity: str) -> list[Bin]:
     return recall_by(BINS[quantity], values, [error for _, error in found], (50,))
 
 
-def recall_rows(flight: Flown) -> dict[str, list[RecallRow]]:
-    """Return the rows of each of `BINS` for one flight."""
-    return {
-        quantity: [RecallRow(b.low, b.high, b.recall, b.error_px[50]) for b in recall_bins([flight], quantity)]
-        for quantity in BINS
-    }
-
-
 def distance_figures(flights: Sequence[Flown], heights_m: Sequence[NDArray[np.float64]]) -> dict[str, Quantiles]:
     """Return the relative errors of each of `DISTANCES`, of markers up to `FARTHEST_M`.
 
@@ -232,3 +247,53 @@ def speed_figures(records: Sequence[FrameRecord]) -> dict[str, float]:
     """Return median seconds of each stage, and the frames a second of all together."""
     medians = {stage: float(np.median([record.time_s[stage] for record in records])) for stage in records[0].time_s}
     return {**medians, "frames_per_second": 1 / max(sum(medians.values()), 1e-9)}
+
+
+def summarise(flown: Flown, flight: Flight) -> FlightResult:
+    """Return all figures of a flight."""
+    first, has_map = flown.records[0], flown.floor_map is not None
+    height_m = np.full(len(flown.frames), np.median(flown.heights_m))
+    return FlightResult(
+        detection=detection_figures([flown]),
+        distance=distance_figures([flown], [height_m]) if has_map else None,
+        pose=pose_figures(flown.frames) if has_map else None,
+        motion=motion_figures(flown) if has_map else None,
+        time_s=speed_figures(flown.records),
+        recall_by={quantity: recall_bins([flown], quantity) for quantity in BINS},
+        pixels=flown.camera.width * flown.camera.height,
+        remarks=[*remarks(flight), *surprises(flown.frames)],
+        renderer=first.renderer,
+        gl_renderer=first.gl_renderer,
+        config=flight.config,
+        peak_memory_mb=peak_memory_mb(),
+    )
+
+
+def remarks(flight: Flight) -> list[str]:
+    """Return one line for each thing about the flight that makes figures unreliable, or leaves some out."""
+    floor_map, step = flight.floor_map, flight.ride.longest_step_m()
+    if floor_map is None:
+        return ["the markers are not on one level floor: no poses, no motion"]
+    notes = [] if has_evo() else ["trajectory errors are left out: they need evo (pip install 'peakmark[evo]')"]
+    if len(floor_map.centers_m) < 2:
+        return notes
+    gaps = np.linalg.norm(floor_map.centers_m[:, None] - floor_map.centers_m[None], axis=2)
+    spacing = float(np.min(gaps + np.diag(np.full(len(gaps), np.inf))))
+    if step <= spacing / 2:
+        return notes
+    return [
+        *notes,
+        f"the camera moves up to {step:.2g} m between frames, more than half the markers' spacing of {spacing:.2g} m: "
+        "tracks and motion without a map cannot follow",
+    ]
+
+
+def surprises(frames: Sequence[FlownFrame]) -> list[str]:
+    """Return one line for each thing about what was found that makes figures meaningless."""
+    if not any(frame.record.truth for frame in frames):
+        return ["no marker was in view in any frame"]
+    enough = [frame for frame in frames if len(frame.record.detections) >= FEWEST]
+    wrong = sum(frame.is_wrong for frame in frames)
+    if enough and (all(frame.located is None for frame in enough) or 2 * wrong > len(enough)):
+        return [f"the map does not fit what is seen: most of {len(enough)} frames with {FEWEST} markers say so"]
+    return []

@@ -19,13 +19,11 @@ class DetectionRecord:
     """A detection, the feature that it comes from, and the marker that it truly is."""
 
     detection: Detection
-    """As identified."""
     feature_xy: NDArray[np.float64]
     """(2,) centre of the feature, px."""
     scale_px: float
-    """Of the feature, interpolated."""
     rounded_scale_px: float
-    """As SURF gives it."""
+    """Of the feature, interpolated and as SURF gives it."""
     marker: str | None
     """Name of the marker that it is; None for a false detection."""
 
@@ -35,19 +33,16 @@ class FrameRecord:
     """A frame of a flight."""
 
     frame: int
-    """Frame number from 0."""
     time_on_path_s: float
-    """When it was taken."""
+    """Frame number from 0, and when it was taken."""
     renderer: str
-    """"exact" or "gl"."""
     gl_renderer: str | None
-    """What OpenGL calls itself; None for the exact renderer."""
+    """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
     world_from_camera: Pose
     """(4, 4) true pose."""
     features: int
-    """Key points found."""
     score: ScoreSummary
-    """Against truth."""
+    """Number of key points, and the frame against truth."""
     time_s: dict[str, float]
     """Seconds of each stage."""
     truth: tuple[MarkerTruth, ...]

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
 
-from peakmark.experiments.floor.flight_figures import MotionFigures, PoseFigures, RecallRow
-from peakmark.experiments.floor.flight_summary import FlightResult
+from peakmark.experiments.floor.flight_figures import DetectionFigures, FlightResult, MotionFigures, PoseFigures
 from peakmark.experiments.floor.flight_tracking import DISTANCES, Flown, FlownFrame
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.views import curve_section
 from peakmark.score.poses import TrajectoryErrors
-from peakmark.score.statistics import Quantiles
+from peakmark.score.statistics import Bin, Quantiles
 
 Row = tuple[Any, ...]
 """Of a table: name, value, ends of the interval, cases."""
@@ -89,10 +88,7 @@ def result_rows(result: FlightResult) -> list[Row]:
     """Return the headline figures."""
     found = result.detection
     rows = [
-        found.recall.row("recall, markers ≥ 20 px after stretching"),
-        found.precision.row("precision"),
-        ("false detections a megapixel", found.false_per_megapixel, None, None, found.frames),
-        found.uniquely_detectable.row("frames whose markers are uniquely detectable"),
+        *detection_rows(found),
         found.silent_without_markers.row("frames without markers and without a detection"),
         *found.response_drop.rows("response drop"),
         *found.localisation_px.rows("localisation (px)"),
@@ -103,6 +99,16 @@ def result_rows(result: FlightResult) -> list[Row]:
     stages = ("render", "detect", "identify", "score")
     rows += [(f"{stage} (s, median)", result.time_s[stage], None, None, None) for stage in stages]
     return [*rows, ("frames a second", result.time_s["frames_per_second"], None, None, None)]
+
+
+def detection_rows(found: DetectionFigures) -> list[Row]:
+    """Return the rows of recall, precision, false detections and unique detectability."""
+    return [
+        found.recall.row("recall, markers ≥ 20 px after stretching"),
+        found.precision.row("precision"),
+        ("false detections a megapixel", found.false_per_megapixel, None, None, found.frames),
+        found.uniquely_detectable.row("frames whose markers are uniquely detectable"),
+    ]
 
 
 def distance_rows(distance: dict[str, Quantiles]) -> list[Row]:
@@ -147,11 +153,11 @@ def _trajectory_rows(title: str, errors: TrajectoryErrors | None) -> list[Row]:
     ]
 
 
-def _breakdown(quantity: str, rows: Sequence[RecallRow]) -> Section:
+def _breakdown(quantity: str, rows: Sequence[Bin]) -> Section:
     name, unit = quantity.rsplit("_", 1)
     unit = "°" if unit == "deg" else unit
     table = [
-        (f"{row.low}…{row.high}", row.recall.of, row.recall.value, row.recall.low, row.recall.high, row.error_px)
+        (f"{row.low}…{row.high}", row.recall.of, row.recall.value, row.recall.low, row.recall.high, row.error_px[50])
         for row in rows
     ]
     head = (f"{name} ({unit})", "markers", "recall", "low", "high", "localisation p50 (px)")

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import save_trajectory
+from peaksim.image_file import read_image
 from peaksim.whole_file import whole_file
 from PIL import Image
 
 from peakmark.experiments.floor import flight_report
 from peakmark.experiments.floor.flight import Flight, FlightConfig, open_flight, render_view
+from peakmark.experiments.floor.flight_figures import FlightResult, summarise
 from peakmark.experiments.floor.flight_records import FrameRecord, columns, record_of
-from peakmark.experiments.floor.flight_summary import FlightResult, summarise
 from peakmark.experiments.floor.flight_tracking import Flown, FlownFrame, distances, track_frames, true_distances
 from peakmark.experiments.journal import Journal, journal_key
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.plain import from_plain, to_plain
 from peakmark.report import plots
 from peakmark.report.film import WIDTH_PX, film
-from peakmark.report.overlay import draw_overlay
 from peakmark.report.results import result_folder, write_json, write_rows
 
 _QUALITY = 85
@@ -81,12 +81,11 @@ def _identity(flight: Flight) -> dict[str, Any]:
     }
 
 
-def _fly_frame(flight: Flight, journal: Journal, index: int) -> Any:
+def _fly_frame(flight: Flight, journal: Journal, index: int) -> FrameRecord:
     view = render_view(flight, index)
-    image = draw_overlay(view.frame.image, view.frame.truth, view.found.detections, view.score)
     with whole_file(journal.file(f"{index:06d}.jpg")) as path:
-        Image.fromarray(image).save(path, "JPEG", quality=_QUALITY)
-    return to_plain(record_of(view))
+        Image.fromarray(view.overlay()).save(path, "JPEG", quality=_QUALITY)
+    return record_of(view)
 
 
 def _write(folder: Path, flight: Flight, flown: Flown, result: FlightResult, images: Sequence[Path]) -> None:
@@ -95,8 +94,7 @@ def _write(folder: Path, flight: Flight, flown: Flown, result: FlightResult, ima
     _write_poses(folder, flown)
     with film(folder / "flight.mp4", flight.ride.frames_per_second, WIDTH_PX) as append:
         for path in images:
-            with Image.open(path) as image:
-                append(np.asarray(image.convert("RGB")))
+            append(read_image(path))
     if flown.floor_map is not None:
         figure, ax = plots.new_figure(7, 7)
         flight_report.draw_top_view(ax, flown)

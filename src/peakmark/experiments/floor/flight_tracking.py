@@ -27,7 +27,6 @@ class FlownFrame:
     """A frame's record, and what the frames before it add."""
 
     record: FrameRecord
-    """Of the frame alone."""
     track_ids: NDArray[np.intp]
     """(n,) of the detections."""
     located: Located | None
@@ -65,15 +64,13 @@ class Flown:
     name: str
     """Of the flight among others."""
     camera: Camera
-    """That took the frames."""
     stretch: Stretch
-    """Before detection."""
+    """Vertical, before detection."""
     times_s: NDArray[np.float64]
     """(n,) of the frames."""
     floor_map: FloorMap | None
     """None where the markers are not on one level floor: no distances, no poses."""
     frames: list[FlownFrame]
-    """In order."""
 
     @property
     def records(self) -> list[FrameRecord]:
@@ -102,17 +99,7 @@ class Flown:
 
 
 def track_frames(records: Sequence[FrameRecord], camera: Camera, floor_map: FloorMap | None) -> list[FlownFrame]:
-    """Return the frames of a flight with their tracks and poses.
-
-    Parameters
-    ----------
-    records
-        Of all frames, in order.
-    camera
-        That took them.
-    floor_map
-        Of the markers; None leaves poses and motion out.
-    """
+    """Return the frames of a flight, from all records in order, with their tracks, and on a map also their poses."""
     detections = [columns(record) for record in records]
     ids = track_ids(detections)
     located = locations(detections, camera, floor_map) if floor_map else [(None, False)] * len(records)

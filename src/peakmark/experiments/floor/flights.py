@@ -11,6 +11,7 @@ from peakmark.experiments.floor.flight import FlightConfig
 from peakmark.experiments.floor.flight_figures import (
     BINS,
     DetectionFigures,
+    FlightResult,
     PoseFigures,
     detection_figures,
     distance_figures,
@@ -19,7 +20,6 @@ from peakmark.experiments.floor.flight_figures import (
     recall_bins,
 )
 from peakmark.experiments.floor.flight_records import FrameRecord, columns
-from peakmark.experiments.floor.flight_summary import FlightResult
 from peakmark.experiments.floor.flight_tracking import Flown, distances, true_distances
 from peakmark.plain import plain_fields
 from peakmark.score.statistics import Quantiles, Rate, quantiles, rate
@@ -44,9 +44,8 @@ class BreakdownRow:
     """Markers and detections in one bin of side, tilt or distance."""
 
     low: float
-    """Of the bin, itself in it."""
     high: float
-    """No longer in it."""
+    """Of the bin, the lower itself in it, the upper not."""
     recall: Rate
     """Of the markers that are fully in view."""
     precision: Rate
@@ -89,7 +88,6 @@ class PooledFigures:
     """Relative errors; the height of the camera is known in each frame."""
     pose: PoseFigures
     flights: list[FlightRow]
-    """A row each."""
 
     def to_plain(self) -> dict[str, Any]:
         """Return what result.json holds."""

@@ -1,16 +1,15 @@
 """Flies the standard sample, pools it, and writes the tables: report.html, result.json and a folder a flight."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from peakmark.experiments.floor.empty_images import FalsePositives, bare_floors, count_false_positives, photographs
-from peakmark.experiments.floor.flight_report import HEAD, Row, distance_rows, pose_rows
+from peakmark.experiments.floor.flight_report import HEAD, INTERVALS, Row, detection_rows, distance_rows, pose_rows
 from peakmark.experiments.floor.flight_results import fly_and_keep
 from peakmark.experiments.floor.flights import FLIGHTS, BreakdownRow, FlightRow, PooledFigures, flight_config, pooled
 from peakmark.experiments.floor.stretch_sweep import StretchRow, stretch_table
-from peakmark.plain import inlined
+from peakmark.plain import INLINED
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import result_folder, write_json
 
@@ -19,16 +18,10 @@ from peakmark.report.results import result_folder, write_json
 class FlightsResult:
     """What result.json holds; the pooled figures lie at its top."""
 
-    pooled: PooledFigures
-    """Of all flights."""
+    pooled: PooledFigures = field(metadata=INLINED)
     blank: dict[str, FalsePositives]
     """"rendered" and "photographs": detections in images without markers."""
     stretch: list[StretchRow]
-    """A row each."""
-
-    def to_plain(self) -> dict[str, Any]:
-        """Return what result.json holds."""
-        return inlined(self, "pooled")
 
 
 def run_flights(
@@ -40,18 +33,9 @@ def run_flights(
 ) -> FlightsResult:
     """Fly, search images without markers, measure the stretch; return what `result.json` holds.
 
-    Parameters
-    ----------
-    out
-        Folder; each flight gets one of its own in it.
-    frames
-        Of each flight, from its start; None takes all.
-    is_resumed
-        Keep what an interrupted run left: finished flights, and the finished frames of the others.
-    flights
-        Ride, floor and seed of each.
-    on_stage
-        Called with what comes next.
+    Each of the flights (ride, floor and seed) gets a folder in `out`, and takes only so many frames from its start.
+    With `is_resumed` what an interrupted run left is kept: finished flights, and the finished frames of the others.
+    `on_stage` is called with what comes next.
 
     Raises
     ------
@@ -81,7 +65,7 @@ def run_flights(
 def sections(result: FlightsResult) -> list[Section]:
     """Return the tables of the report."""
     return [
-        Section("Figures", "95 % intervals: Wilson for rates, bootstrap for quantiles.", Table(HEAD, headline(result))),
+        Section("Figures", INTERVALS, Table(HEAD, headline(result))),
         *(
             Section(f"By {quantity.rsplit('_', 1)[0]}", table=Table(_BREAKDOWN, [_bin_cells(row) for row in rows]))
             for quantity, rows in result.pooled.breakdown.items()
@@ -102,12 +86,8 @@ _FLIGHT = ("flight", "frames", "recall", "precision", "false", "located", "map A
 
 def headline(result: FlightsResult) -> list[Row]:
     """Return name, value, interval and number of cases of the figures that count."""
-    found = result.pooled.detection
     return [
-        found.recall.row("recall, markers ≥ 20 px after stretching"),
-        found.precision.row("precision"),
-        ("false detections a megapixel", found.false_per_megapixel, None, None, found.frames),
-        found.uniquely_detectable.row("frames whose markers are uniquely detectable"),
+        *detection_rows(result.pooled.detection),
         *(
             share.row(f"{title} without markers and without a detection")
             for title, images in result.blank.items()

@@ -1,21 +1,34 @@
-"""Robotic navigation (paper, Section 4.2, Figures 10–12): a floor with a path of markers, detected and scored."""
+"""Robotic navigation (paper, Section 4.2, Figures 10–12): a floor with a path of markers, detected and scored.
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+`run_floor` writes images, film, tables, report.html and result.json.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from time import perf_counter
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.frame import MarkerTruth, error_budget
 from peaksim.camera.sensor import apply_sensor
 from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 
-from peakmark.errors import InputError
 from peakmark.experiments.floor.view import FloorView, ViewRow, score_view
+from peakmark.experiments.option import check_choice, check_range
+from peakmark.experiments.run import OnStep
 from peakmark.identification.api import Rule
+from peakmark.identification.paper import SIGNATURE_LIMIT
 from peakmark.identification.stretch import LARGEST, SMALLEST
-from peakmark.score.markers import Localisation, localisation
+from peakmark.plain import INLINED
+from peakmark.report import plots
+from peakmark.report.page import Section, Table, write_report
+from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
+from peakmark.report.views import curve_section, write_views
+from peakmark.score.markers import Localisation, ScoreSummary, at_markers, localisation
+from peakmark.score.wanted import IN_VIEW, SMALLEST_PX
 
 
 @dataclass(frozen=True)
@@ -40,16 +53,12 @@ class FloorConfig:
     """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
-        for name, value, fits, expected in (
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("frames", self.frames, 1 <= self.frames <= 1_000_000, "1…1000000"),
-            ("stretch", self.stretch, SMALLEST <= self.stretch <= LARGEST, "0.25…8"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
-            ("samples", self.samples, self.samples >= 1, "1 or more"),
-            ("rule", self.rule, self.rule in get_args(Rule), "joint or paper"),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("seed", self.seed, 0)
+        check_range("frames", self.frames, 1, 1_000_000)
+        check_range("stretch", self.stretch, SMALLEST, LARGEST)
+        check_choice("renderer", self.renderer, get_args(Renderer))
+        check_range("samples", self.samples, 1)
+        check_choice("rule", self.rule, get_args(Rule))
 
 
 def open_scene(config: FloorConfig) -> Setup:
@@ -91,32 +100,178 @@ class Totals:
     """Over all found markers."""
 
 
-class Tally:
-    """The figures of the frames of a trajectory, small enough for any number of them."""
+def totals_of(scores: Sequence[ScoreSummary], errors_px: Sequence[NDArray[np.float64]]) -> Totals:
+    """Return sums of counts, the smallest drop, and the localisation from the (2,) errors of all found markers."""
+    return Totals(
+        markers_in_view=sum(score.markers_in_view for score in scores),
+        markers_found=sum(score.markers_found for score in scores),
+        false_detections=sum(score.false_detections for score in scores),
+        false_above_last_marker=sum(score.false_above_last_marker or 0 for score in scores),
+        response_drop=min((s.response_drop for s in scores if s.response_drop is not None), default=None),
+        localisation_px=localisation(np.array(errors_px).reshape(-1, 2)),
+    )
 
-    def __init__(self) -> None:
-        self.rows: list[ViewRow] = []
-        self.errors: list[NDArray[np.float64]] = []
 
-    def add(self, view: FloorView) -> None:
-        """Count one view."""
-        self.rows.append(view.row())
-        truth = {t.name: t for t in view.frame.truth}
-        for name, index in view.score.matches.items():
-            self.errors.append(view.found.detections[index].xy - truth[name].center_xy)
+@dataclass(frozen=True)
+class FloorResult:
+    """What result.json holds; the fields of `score` lie at its top."""
 
-    def totals(self) -> Totals:
-        """Return sums of counts, the smallest drop, and the localisation over all found markers."""
-        scores = [row.score for row in self.rows]
-        return Totals(
-            markers_in_view=sum(score.markers_in_view for score in scores),
-            markers_found=sum(score.markers_found for score in scores),
-            false_detections=sum(score.false_detections for score in scores),
-            false_above_last_marker=sum(score.false_above_last_marker or 0 for score in scores),
-            response_drop=min((s.response_drop for s in scores if s.response_drop is not None), default=None),
-            localisation_px=localisation(np.array(self.errors).reshape(-1, 2)),
+    features: int
+    """Key points; of several frames the median."""
+    score: ScoreSummary | Totals = field(metadata=INLINED)
+    """Of the one frame, or over all."""
+    frames: int
+    renderer: str
+    gl_renderer: str | None
+    """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
+    seed: int
+    config: FloorConfig
+    time_s: dict[str, float]
+    """Seconds for "load", "render" (with the sensor), "detect" and "identify", over all frames."""
+    peak_memory_mb: float
+    remarks: tuple[str, ...] = ()
+    """Why no marker was found, where none was."""
+
+
+def run_floor(config: FloorConfig, out: str | Path, on_step: OnStep = lambda done, of: None) -> FloorResult:
+    """Run the experiment, write everything into `out`, and return what `result.json` holds.
+
+    `on_step` is called with the numbers of finished and of all frames, when the scene is loaded and after each frame.
+
+    Raises
+    ------
+    InputError
+        For a faulty configuration, scene or folder; `out` is then as it was.
+    """
+    start = perf_counter()
+    with result_folder(out) as folder:
+        setup = open_scene(config)
+        load_s = perf_counter() - start
+        on_step(0, config.frames)
+        rows: list[ViewRow] = []
+        errors_px: list[NDArray[np.float64]] = []
+
+        def count(view: FloorView) -> None:
+            rows.append(view.row())
+            errors_px.extend(view.errors_px())
+            on_step(len(rows), config.frames)
+
+        film = "flight.mp4" if config.frames > 1 else None
+        first, images = write_views(folder, render_views(setup, config), FloorView.overlay, figures_of, film, count)
+        result = FloorResult(
+            features=int(np.median([row.features for row in rows])),
+            score=totals_of([row.score for row in rows], errors_px) if config.frames > 1 else first.score.summary(),
+            frames=config.frames,
+            renderer=first.frame.renderer,
+            gl_renderer=first.frame.gl_renderer,
+            seed=config.seed,
+            config=config,
+            time_s={"load": load_s, **{stage: sum(row.time_s[stage] for row in rows) for stage in rows[0].time_s}},
+            peak_memory_mb=peak_memory_mb(),
         )
+        if result.score.markers_found == 0:
+            result = replace(result, remarks=reasons(first.frame.truth, config))
+        if config.frames > 1:
+            write_rows(folder / "frames.csv", rows)
+        _write_report(folder, first, rows, result, images)
+        write_json(folder / "result.json", result)
+    return result
 
-    def seconds(self) -> dict[str, float]:
-        """Return the seconds of each stage over all frames."""
-        return {stage: sum(row.time_s[stage] for row in self.rows) for stage in self.rows[0].time_s}
+
+def reasons(truth: Sequence[MarkerTruth], config: FloorConfig) -> tuple[str, ...]:
+    """Return what may have kept the markers of a frame from being found."""
+    shown = IN_VIEW.of(truth)
+    if not shown:
+        return ("no marker of the scene is fully in view: is the camera where [[trajectory]] should put it?",)
+    sides, tilts = [t.side_px for t in shown], [t.tilt_deg for t in shown]
+    lines = [f"found 0 of {len(shown)} markers with stretch {config.stretch:g}"]
+    fitting = min(LARGEST, 1 / np.cos(np.deg2rad(min(float(np.median(tilts)), 89.0))))
+    if not 0.75 <= config.stretch / fitting <= 1.5:
+        lines.append(f"they are tilted by {min(tilts):.0f}…{max(tilts):.0f}°: try --stretch {fitting:.2g}")
+    note = f", and are found reliably from {SMALLEST_PX:g} px on" if min(sides) < SMALLEST_PX else ""
+    lines.append(f"their sides are {min(sides):.0f}…{max(sides):.0f} px in the image{note}")
+    if others := sorted({t.kind for t in shown} - {"surf-dark"}):
+        lines.append(f"only surf-dark is searched for, and there are {', '.join(others)}")
+    return tuple(lines)
+
+
+def figures_of(view: FloorView) -> dict[str, Any]:
+    """Return Figures 11 and 12."""
+    is_marker = at_markers(view.frame.truth, view.found.features)
+    responses, ax = plots.new_figure()
+    plots.response_ranking(ax, view.found.features.response, is_marker)
+    signatures, ax = plots.new_figure()
+    plots.signature_ranking(ax, view.found.signature_distances, is_marker, SIGNATURE_LIMIT)
+    return {"responses": responses, "signatures": signatures}
+
+
+def _write_report(
+    folder: Path, first: FloorView, rows: list[ViewRow], result: FloorResult, images: dict[str, str]
+) -> None:
+    config, score = result.config, result.score
+    found = f"{score.markers_found} of {score.markers_in_view} markers in view found"
+    lead = (
+        f"{found} among {result.features:,} features{' a frame' if config.frames > 1 else ''}; "
+        f"scene “{config.scene}”, "
+        f"floor {config.texture or 'default'}, stretch {config.stretch:g}, seed {config.seed}, "
+        f"renderer {result.renderer}{' on ' + result.gl_renderer if result.gl_renderer else ''}. "
+        f"{error_budget(result.renderer)}." + "".join(f" {remark[0].upper()}{remark[1:]}." for remark in result.remarks)
+    )
+    sections = [
+        Section("Result", table=Table(("figure", "value"), result_rows(result))),
+        *(_trajectory_sections(rows) if config.frames > 1 else ()),
+        Section(
+            "Figure 10: the frame with ranks",
+            image=images["overlay"],
+            caption="Circles: detections with their rank by response among all features; green found, "
+            "orange false, red crosses missed.",
+        ),
+        Section("Figure 11: responses", image=images["responses"]),
+        Section("Figure 12: signatures", image=images["signatures"]),
+        Section("Markers", table=marker_table(first)),
+    ]
+    write_report(folder / "report.html", "Lab floor: markers found and scored", lead, sections)
+
+
+def _trajectory_sections(rows: list[ViewRow]) -> list[Section]:
+    scores, times_s = [row.score for row in rows], [row.time_on_path_s for row in rows]
+    missed = [score.markers_in_view - score.markers_found for score in scores]
+    return [
+        curve_section("missed markers", "", times_s, missed),
+        curve_section("response drop", "ratio", times_s, [score.response_drop for score in scores]),
+        curve_section("localisation rms", "px", times_s, [score.localisation_px.rms for score in scores]),
+        Section("Film and table", links=("flight.mp4", "frames.csv")),
+    ]
+
+
+def result_rows(result: FloorResult) -> list[tuple[str, Any]]:
+    """Return the headline figures with units, for the report and the terminal."""
+    score, times = result.score, result.time_s
+    return [
+        ("stretch", result.config.stretch),
+        ("features", result.features),
+        ("markers in view", score.markers_in_view),
+        ("markers found", score.markers_found),
+        ("false detections", score.false_detections),
+        ("features of clutter above the last marker", score.false_above_last_marker),
+        ("response drop, last marker over strongest clutter", score.response_drop),
+        ("localisation bias (px)", score.localisation_px.bias),
+        ("localisation rms (px)", score.localisation_px.rms),
+        ("localisation p95 (px)", score.localisation_px.p95),
+        *((f"{stage} (s)", times[stage]) for stage in ("load", "render", "detect", "identify")),
+        ("peak memory (MB)", result.peak_memory_mb),
+    ]
+
+
+def marker_table(view: FloorView) -> Table:
+    """Return one row a marker: truth beside what was found."""
+    head = ("marker", "side (px)", "distance (m)", "tilt (°)", "visible", "rank", "response", "signature", "error (px)")
+    return Table(head, [_marker_row(view, t) for t in view.frame.truth])
+
+
+def _marker_row(view: FloorView, truth: MarkerTruth) -> tuple[Any, ...]:
+    known = (truth.name, truth.side_px, truth.distance_m, truth.tilt_deg, truth.visible_fraction)
+    if truth.name not in view.score.matches:
+        return (*known, None, None, None, None)
+    d = view.found.detections[view.score.matches[truth.name]]
+    return (*known, d.rank, d.response, d.signature_distance, float(np.linalg.norm(d.xy - truth.center_xy)))

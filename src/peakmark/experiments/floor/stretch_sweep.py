@@ -37,9 +37,8 @@ class StretchRow:
     recall: Rate
     """Of `WANTED`."""
     recall_below_60_deg: Rate
-    """Of those tilted less than `STEEP_DEG`."""
     recall_from_60_deg: Rate
-    """Of the others."""
+    """Of those tilted less than `STEEP_DEG`, and of the others."""
     precision: Rate
     """Detections that are at a marker."""
     response_drop: Quantiles

@@ -1,9 +1,10 @@
 """One frame of the floor, what was found in it, and how well."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from peaksim.camera.frame import Frame
 from peaksim.rendering import Renderer
 from peaksim.scene.scene import Scene
@@ -12,7 +13,8 @@ from peakmark.identification.api import Rule, detect_stretched, identify_feature
 from peakmark.identification.detection import Identification
 from peakmark.identification.stretch import Stretch
 from peakmark.keypoints.image import as_gray
-from peakmark.plain import inlined
+from peakmark.plain import INLINED
+from peakmark.report.overlay import draw_overlay
 from peakmark.score.markers import Score, ScoreSummary, score_frame
 
 
@@ -25,9 +27,7 @@ class FloorView:
     frame: Frame
     """After the sensor."""
     found: Identification
-    """All features and the identified markers."""
     score: Score
-    """Against truth."""
     time_s: dict[str, float]
     """Seconds for "render" (with the sensor), "detect", "identify" and "score"."""
 
@@ -36,25 +36,28 @@ class FloorView:
         times = {stage: seconds for stage, seconds in self.time_s.items() if stage != "score"}
         return ViewRow(self.index, self.frame.time_s, len(self.found.features), self.score.summary(), times)
 
+    def errors_px(self) -> list[NDArray[np.float64]]:
+        """Return the (2,) errors of all found markers."""
+        truth = {marker.name: marker.center_xy for marker in self.frame.truth}
+        return [self.found.detections[index].xy - truth[name] for name, index in self.score.matches.items()]
+
+    def overlay(self) -> NDArray[np.uint8]:
+        """Return the frame with ranks (Figure 10)."""
+        return draw_overlay(self.frame.image, self.frame.truth, self.found.detections, self.score)
+
 
 @dataclass(frozen=True)
 class ViewRow:
     """A frame's line of frames.csv."""
 
     frame: int
-    """Frame number from 0."""
     time_on_path_s: float
-    """When it was taken."""
+    """Frame number from 0, and when it was taken."""
     features: int
-    """Key points found."""
-    score: ScoreSummary
-    """Against truth."""
+    score: ScoreSummary = field(metadata=INLINED)
+    """Number of key points, and the frame against truth."""
     time_s: dict[str, float]
     """Seconds of each stage."""
-
-    def to_plain(self) -> dict[str, Any]:
-        """Return the columns."""
-        return inlined(self, "score")
 
 
 def score_view(

@@ -24,6 +24,7 @@ from peakmark.errors import InputError
 from peakmark.experiments.floor.flight import score_flight_view
 from peakmark.experiments.floor.flight_records import FrameRecord, record_of
 from peakmark.experiments.floor.view import FloorView, faster_renderer
+from peakmark.experiments.option import check_choice, check_range
 from peakmark.experiments.robot.robot import (
     NOISE_S,
     STOP,
@@ -97,20 +98,14 @@ class DriveConfig:
     """Paths a pixel of the traced renderer."""
 
     def __post_init__(self) -> None:
-        longest_gap, end = 0.8 * self.length_m, self.length_m if self.line_ends_m is None else self.line_ends_m
-        second = FIRST_M + self.spacing_m
-        for name, value, fits, expected in (
-            ("paths", self.paths, 1 <= self.paths <= 10_000, "1…10000"),
-            ("length", self.length_m, 1 <= self.length_m <= 100, "1…100 m"),
-            ("spacing", self.spacing_m, 0.15 <= self.spacing_m <= longest_gap, f"0.15…{longest_gap:g} m"),
-            ("line-ends", end, second <= end <= self.length_m, f"{second:g}…{self.length_m:g} m"),
-            ("seed", self.seed, self.seed >= 0, "0 or more"),
-            ("rate", self.frames_per_second, 1 <= self.frames_per_second <= 50, "1…50 frames a second"),
-            ("renderer", self.renderer, self.renderer in get_args(Renderer), "auto, gl, exact or traced"),
-            ("samples", self.samples, self.samples >= 1, "1 or more"),
-        ):
-            if not fits:
-                raise InputError(f"--{name}: expected {expected}, got {value}")
+        check_range("paths", self.paths, 1, 10_000)
+        check_range("length", self.length_m, 1, 100, " m")
+        check_range("spacing", self.spacing_m, 0.15, 0.8 * self.length_m, " m")
+        check_range("line-ends", self.line_ends_m, FIRST_M + self.spacing_m, self.length_m, " m")
+        check_range("seed", self.seed, 0)
+        check_range("rate", self.frames_per_second, 1, 50, " frames a second")
+        check_choice("renderer", self.renderer, get_args(Renderer))
+        check_range("samples", self.samples, 1)
 
 
 @dataclass(frozen=True)
@@ -120,7 +115,6 @@ class DrivePath:
     number: int
     """Of the path, from 0."""
     path: FloorPath
-    """Where it leads."""
     setup: Setup
     """The floor with its markers."""
 
@@ -130,7 +124,6 @@ class DriveFrame:
     """A frame of a drive, and what the robot did."""
 
     record: FrameRecord
-    """What was found in the frame."""
     state: State
     """Where the robot was when it was taken."""
     command: Command
@@ -140,10 +133,7 @@ class DriveFrame:
 def build_path(config: DriveConfig, number: int) -> DrivePath:
     """Return one of the random paths, on the floor of the scene.
 
-    Raises
-    ------
-    InputError
-        One line for a faulty scene, or one without exactly one marker path to take the markers' kind and size from.
+    The scene must have exactly one marker path, from which the markers' kind and size are taken; else an `InputError`.
     """
     path = winding_path(config.length_m, np.random.default_rng((config.seed, number)))
     table, folder = read_table(config.scene)
@@ -188,7 +178,8 @@ def drive(
     state, bias = start(drive_path.path, rng), rng.normal(0, config.robot.wheel_bias, 2)
     commands: list[Command] = []
     frames = []
-    for index in range(_most_frames(config)):
+    most_frames = round(4 * config.length_m / config.steering.speed_m_s * config.frames_per_second) + 20
+    for index in range(most_frames):  # enough at a quarter of the speed
         view = render_view(config, drive_path, state, index)
         commands.append(decide(config, view, commands[-1] if commands else STOP))
         frames.append(DriveFrame(record_of(view), state, commands[-1]))
@@ -240,8 +231,3 @@ def render_view(config: DriveConfig, drive_path: DrivePath, state: State, index:
 def stretch_of(config: DriveConfig) -> Stretch:
     """Return the vertical stretch of each row that the camera's pitch implies."""
     return floor_stretch(config.camera, config.mount.pitch_deg)
-
-
-def _most_frames(config: DriveConfig) -> int:
-    """Return a number of frames that is enough at a quarter of the speed."""
-    return round(4 * config.length_m / config.steering.speed_m_s * config.frames_per_second) + 20

@@ -30,15 +30,13 @@ class PathFigures:
     stopped: bool
     """Whether it stood still in the end."""
     cross_track_rms_m: float
-    """Distance from the path, root mean square."""
     cross_track_max_m: float
-    """The largest."""
+    """Distance from the path, root mean square and largest."""
     coasted_m: float
     """Driven after the last image with a detected marker."""
     markers_passed: int
-    """Markers that had to be found in any frame."""
     markers_seen: int
-    """Markers that were found in any frame."""
+    """Markers that had to be found in any frame, and that were."""
     gaps: int
     """How often a marker that had been found was not, although it was in full view and large enough."""
     found_again: int

@@ -3,28 +3,25 @@
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
 from peaksim.whole_file import whole_file
 
 from peakmark.experiments.floor.flight import map_of
 from peakmark.experiments.floor.flight_report import HEAD, Row, draw_top_view
 from peakmark.experiments.floor.flight_tracking import Flown, track_frames
-from peakmark.experiments.floor.view import FloorView
 from peakmark.experiments.journal import Journal, journal_key
 from peakmark.experiments.robot.drive import DriveConfig, DriveFrame, DrivePath, build_path, drive, stretch_of
 from peakmark.experiments.robot.drive_figures import DriveFigures, PathFigures, overall, path_figures
 from peakmark.experiments.run import OnStep, run_items
-from peakmark.plain import from_plain, inlined, to_plain
+from peakmark.plain import INLINED, from_plain, to_plain
 from peakmark.report import plots
 from peakmark.report.film import film
-from peakmark.report.overlay import draw_overlay
 from peakmark.report.page import Section, Table, svg_uri, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 
@@ -45,9 +42,7 @@ class Driven:
     """A path that was driven."""
 
     drive_path: DrivePath
-    """The path and its scene."""
     frames: list[DriveFrame]
-    """In order."""
     flown: Flown
     """The same frames, tracked and located."""
 
@@ -56,20 +51,13 @@ class Driven:
 class DriveResult:
     """What result.json holds; the figures of all drives lie at its top."""
 
-    overall: DriveFigures
-    """Of all drives."""
+    overall: DriveFigures = field(metadata=INLINED)
     paths: list[PathFigures]
-    """Of each."""
     renderer: str
-    """"exact" or "gl"."""
     gl_renderer: str | None
-    """What OpenGL calls itself; None for the exact renderer."""
+    """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
     config: DriveConfig
     peak_memory_mb: float
-
-    def to_plain(self) -> dict[str, Any]:
-        """Return what result.json holds."""
-        return inlined(self, "overall")
 
 
 def run_drives(
@@ -97,15 +85,11 @@ def run_drives(
     return result
 
 
-def _drive_path(config: DriveConfig, paths: Sequence[DrivePath], journal: Journal, index: int) -> Any:
+def _drive_path(config: DriveConfig, paths: Sequence[DrivePath], journal: Journal, index: int) -> list[DriveFrame]:
     if index != FILMED:
-        return to_plain(drive(config, paths[index]))
+        return drive(config, paths[index])
     with whole_file(journal.file(_FILM)) as path, film(path, config.frames_per_second, _FILM_WIDTH_PX) as append:
-        return to_plain(drive(config, paths[index], lambda view: append(_overlay(view))))
-
-
-def _overlay(view: FloorView) -> NDArray[np.uint8]:
-    return draw_overlay(view.frame.image, view.frame.truth, view.found.detections, view.score)
+        return drive(config, paths[index], lambda view: append(view.overlay()))
 
 
 def _driven(config: DriveConfig, drive_path: DrivePath, plain: Sequence[Any]) -> Driven:

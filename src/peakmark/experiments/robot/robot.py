@@ -108,16 +108,7 @@ def driven(
 ) -> State:
     """Return where a command takes the robot when the wheels slip and are not the size they should be.
 
-    Parameters
-    ----------
-    robot, state, command
-        The robot, where it is, and what it should do.
-    time_s
-        For how long; rounded to multiples of `NOISE_S`.
-    bias
-        (2,) relative error of each wheel.
-    rng
-        Source of the slip.
+    `time_s` is rounded to multiples of `NOISE_S`; `bias` is the (2,) relative error of each wheel.
     """
     speeds = wheel_speeds(robot, command)
     for _ in range(round(time_s / NOISE_S)):
@@ -145,19 +136,7 @@ def seen_from_robot(robot: Robot, mount: Mount, camera: Camera, xy: ArrayLike) -
 
 
 def steer(robot: Robot, steering: Steering, markers_m: NDArray[np.float64], speed_m_s: float) -> Command:
-    """Return what to do about the markers in view: follow their line, or stop where there are none.
-
-    Parameters
-    ----------
-    robot
-        Whose latency is made up for.
-    steering
-        How.
-    markers_m
-        (n, 2) in the robot frame.
-    speed_m_s
-        Present speed.
-    """
+    """Return what to do about (n, 2) markers in the robot frame, at a speed: follow their line; without any, stop."""
     line = next_markers(markers_m)
     if len(line) == 0:
         return STOP

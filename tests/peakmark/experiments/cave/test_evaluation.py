@@ -17,8 +17,13 @@ from peakmark.experiments.cave.evaluation import (
     evaluate,
     room_records,
 )
-from peakmark.experiments.cave.evaluation_figures import bin_row, evaluation_figures, headline, recall_by
-from peakmark.experiments.cave.evaluation_results import write_evaluation
+from peakmark.experiments.cave.evaluation_results import (
+    bin_row,
+    evaluation_figures,
+    headline,
+    recall_by,
+    write_evaluation,
+)
 from peakmark.experiments.cave.walk import COUNTS, CaveFrame, Counts
 from peakmark.plain import to_plain
 from peakmark.score.markers import MarkerScore

@@ -23,9 +23,10 @@ from peakmark.experiments.cave.fiducials import (
     find_design,
     id_count,
     random_pose,
+    rates_figure,
+    table_rows,
     width_m,
 )
-from peakmark.experiments.cave.fiducials_results import rates_figure, table_rows
 
 
 @pytest.mark.parametrize("design", DESIGNS)

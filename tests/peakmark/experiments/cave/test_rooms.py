@@ -62,7 +62,7 @@ def test_a_view_sees_an_array_at_the_asked_distance_and_tilt(seed: int) -> None:
     assert (pose[:3, 3] < room.max_m).all()
     marks = [t for t in marker_truth(room.scene, still_camera(camera, pose)) if t.name.startswith("array")]
     assert min(abs(t.distance_m - 1.2) for t in marks) < 0.06
-    middles = np.array([p.centers_m.mean(axis=0) for p in printed_arrays(room.scene) if p.name in room.arrays])
+    middles = np.array([p.place.centers_m.mean(axis=0) for p in printed_arrays(room.scene) if p.name in room.arrays])
     aimed = middles[np.abs(np.linalg.norm(middles - pose[:3, 3], axis=1) - 1.2) < 1e-6]
     assert len(aimed) == 1
     in_camera = transform(invert(pose), aimed)[0]

@@ -21,7 +21,7 @@ from peakmark import decode_arrays, identify
 from peakmark.errors import InputError
 from peakmark.experiments.cave.walk import CaveConfig, array_map, marker_rows, open_cave, render_view, render_walk
 from peakmark.experiments.cave.walk_results import polarity_figure, run_cave
-from peakmark.plain import inlined
+from peakmark.plain import to_plain
 from peakmark.score.arrays import printed_arrays
 from tests.peakmark.experiments.cave.cave_scene import SMALL_CAVE
 from tests.places import ROOT
@@ -54,7 +54,7 @@ def seen_from(setup: Setup, eye: list[float], target: list[float]) -> Setup:
 def test_the_papers_claim_in_the_shipped_room() -> None:
     config = CaveConfig()
     view = render_view(open_cave(config), config, 0, 0.0)
-    row = inlined(view.record(), "counts")
+    row = to_plain(view.record())
     assert (row["markers_in_view"], row["markers_found"], row["arrays_in_view"], row["arrays_decoded"]) == (6, 6, 2, 2)
     assert (row["polarity_errors"], row["polarity_errors_by_signature"]) == (0, 0)
     assert (row["wrong_codes"], row["unsure"]) == (0, 0)
@@ -76,7 +76,7 @@ def test_the_papers_claim_in_the_shipped_room() -> None:
 
 def test_every_promised_file_and_figure_is_there(small: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    result = inlined(run_cave(CaveConfig(str(small)), out), "counts")
+    result = to_plain(run_cave(CaveConfig(str(small)), out))
     assert {p.name for p in out.iterdir()} == FILES
     assert json.loads((out / "result.json").read_text()) == json.loads(json.dumps(result))
     assert set(result) >= KEYS
@@ -94,7 +94,7 @@ def test_every_promised_file_and_figure_is_there(small: Path, tmp_path: Path) ->
 
 
 def test_a_walk_scores_every_frame_and_makes_a_film(small: Path, tmp_path: Path) -> None:
-    result = inlined(run_cave(CaveConfig(str(small), frames=3), tmp_path / "o"), "counts")
+    result = to_plain(run_cave(CaveConfig(str(small), frames=3), tmp_path / "o"))
     with (tmp_path / "o" / "frames.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["frame"] for row in rows] == ["0", "1", "2"]
@@ -138,7 +138,7 @@ def test_arrays_closer_than_their_pitch_are_never_read_wrongly(small: Path, gap_
     small.write_text(text.replace("center_m = [0.25, 3.998, 1.5]", paper + beside))
     view = render_view(load_scene(small), CaveConfig(str(small)), 0, 0.0)
     assert view.arrays.wrong == 0
-    assert view.markers.found == view.markers.wanted == 10
+    assert view.markers.markers_found == view.markers.markers_in_view == 10
 
 
 def test_blank_posters_and_full_blocks_say_nothing(small: Path) -> None:
@@ -155,7 +155,7 @@ def test_a_wall_seen_from_behind_shows_nothing(small: Path) -> None:
     setup = seen_from(load_scene(small), [0.0, 5.5, 1.4], [0.0, 4.0, 1.4])
     view = render_view(setup, CaveConfig(str(small)), 0, 0.0)
     assert view.reading.found.detections == ()
-    assert (view.markers.wanted, len(view.arrays.in_view), view.arrays.wrong) == (0, 0, 0)
+    assert (view.markers.markers_in_view, len(view.arrays.in_view), view.arrays.wrong) == (0, 0, 0)
 
 
 def test_a_file_that_is_no_image_and_arrays_that_are_none_are_one_line(tmp_path: Path) -> None:

@@ -3,7 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
-from peakmark.experiments.detectability.trials import Errors, Percentiles, Row, Summary
+from peakmark.experiments.detectability.trials import Percentiles, Row, Summary
+from peakmark.score.markers import Localisation
 from peakmark.score.statistics import rate
 
 
@@ -15,10 +16,10 @@ def row(experiment: str, marker: str, detector: str, x: float, hits: int = 100, 
     is_found = hits > 0
     response = Percentiles(10.0, 9.0, 11.0) if is_found else Percentiles(None, None, None)
     size = Percentiles(1.0, 1.0, 1.0) if is_found else Percentiles(None, None, None)
-    error = Errors(0.1, 0.1, 0.1, 0.1) if is_found else Errors(None, None, None, None)
+    error = Localisation(0.14, (0.1, 0.1), 0.1, 0.1) if is_found else Localisation(None, None, None, None)
     if "response" in figures:
         response = replace(response, median=figures.pop("response"))
-    errors = {name: figures.pop(name) for name in ("bias_x_px", "bias_y_px", "rms_px", "p95_px") if name in figures}
+    errors = {name: figures.pop(name) for name in ("bias_xy", "rms", "p95") if name in figures}
     share, ratio = rate(hits, 100), 1.0 if is_found else None
     found = Summary(100, share, share, share, response, ratio, size, replace(error, **errors), error, 0, 0, 0, "")
     series = figures.pop("series", "")

@@ -29,8 +29,8 @@ def test_the_rotation_is_given_as_the_largest_departure_from_the_mean():
 
 def test_the_tilt_limit_is_where_the_rms_error_passes_3_px():
     figures = ((0, 100, 1.0), (25, 80, 3.5), (40, 100, 9.0))
-    rows = [row("tilt", *SURF, x, hits, rms_px=rms, series=sides_away(1)) for x, hits, rms in figures]
-    rows += [row("tilt", *SURF, x, rms_px=1.0, series=sides_away(20)) for x in (0, 80)]
+    rows = [row("tilt", *SURF, x, hits, rms=rms, series=sides_away(1)) for x, hits, rms in figures]
+    rows += [row("tilt", *SURF, x, rms=1.0, series=sides_away(20)) for x in (0, 80)]
     text = found(rows, "SURF's marker leaves")
     assert text.split("; ") == [
         "1 sides away: beyond 3 px RMS from 25°, below 90 % at 25°",
@@ -49,8 +49,8 @@ def test_gain_bias_and_uniqueness_come_from_the_rows():
     rows = [
         *curve("turn", *SURF, {0: 100}),
         *curve("turn", "surf-range-dark", "surf-paper", {0: 100}, response=18.5),
-        row("bias", "sift-dark", "sift-opencv", 4, bias_x_px=0.25, bias_y_px=-0.3),
-        row("bias", "sift-dark", "sift-opencv", 8, bias_x_px=0.24, bias_y_px=0.26),
+        row("bias", "sift-dark", "sift-opencv", 4, bias_xy=(0.25, -0.3)),
+        row("bias", "sift-dark", "sift-opencv", 8, bias_xy=(0.24, 0.26)),
         row("background", *SURF, 1, 80, series="gravel"),
     ]
     assert found(rows, "the markers trigger") == "surf-range-dark answers 1.85 times as strongly as surf-dark"

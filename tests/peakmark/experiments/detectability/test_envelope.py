@@ -63,6 +63,14 @@ def test_the_shipped_rates_are_sure_and_fall_with_tilt(detector, noise):
     [
         ("a,b\n", "expected columns marker, detector"),
         (",".join(COLUMNS) + "\nsurf-dark,surf,0,0,10,1,1\nsurf-dark,surf,0,30,20,1,1\n", "some are missing"),
+        (
+            ",".join(COLUMNS) + "\nsurf-dark,surf,0,0,ten,1,1\n",
+            r"envelope.csv: line 2: expected 7 columns, numbers from",
+        ),
+        (
+            ",".join(COLUMNS) + "\nsurf-dark,surf,0,0\n",
+            r"envelope.csv: line 2: expected 7 columns, numbers from tilt_deg",
+        ),
         (",".join(COLUMNS) + "\nsurf-dark,sift,0,0,10,1,1\n", r"surf-dark/sift/0, got surf-dark/surf/0"),
     ],
 )
@@ -74,7 +82,7 @@ def test_unusable_tables_are_named(tmp_path, text, message):
 
 
 def test_a_missing_table_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none.csv: expected a table of rates"):
+    with pytest.raises(InputError, match=r"none.csv: cannot be read: No such file"):
         load_rates(path=tmp_path / "none.csv")
 
 

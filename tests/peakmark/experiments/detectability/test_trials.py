@@ -63,16 +63,16 @@ def test_summary_counts_and_averages_what_was_found():
     assert row.detected.value == 0.8
     assert row.detected.low < 0.8 < row.detected.high
     assert row.response_ratio == pytest.approx(0.8)
-    assert row.error.bias_x_px == pytest.approx(0.5)
-    assert row.error.rms_px == pytest.approx(1)
-    assert row.blob_error.bias_x_px == pytest.approx(-0.5)
+    assert row.error.bias_xy == pytest.approx((0.5, 0))
+    assert row.error.rms == pytest.approx(1)
+    assert row.blob_error.bias_xy == pytest.approx((-0.5, 0))
     assert (row.failures, row.not_finite, row.outside, row.first_failure) == (1, 1, 2, "E: x")
 
 
 def test_summary_of_misses_has_no_figures():
     row = summarise_trials([score_image(VIEW, outcome(), REFERENCE)], [outcome()], REFERENCE)
     assert row.detected.value == 0
-    assert row.response.median is row.error.rms_px is row.response_ratio is None
+    assert row.response.median is row.error.rms is row.response_ratio is None
 
 
 def test_reference_is_the_median_of_what_was_detected():

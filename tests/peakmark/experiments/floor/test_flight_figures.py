@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from peakmark.experiments.floor.flight_figures import detection_figures, recall_rows, speed_figures
+from peakmark.experiments.floor.flight_figures import detection_figures, recall_bins, speed_figures
 from peakmark.experiments.floor.flight_records import FrameRecord
 from peakmark.experiments.floor.flight_tracking import Flown, track_frames
 from peakmark.score.statistics import rate
@@ -42,10 +42,10 @@ def test_flights_are_pooled_by_their_cases_each_with_its_own_stretch() -> None:
 
 
 def test_recall_is_broken_down_by_what_the_markers_truly_are() -> None:
-    rows = recall_rows(FLIGHT)
-    assert [(row.low, row.high, row.recall) for row in rows["side_px"]] == [(15, 20, rate(0, 1)), (45, 70, rate(2, 3))]
-    assert [row.error_px for row in rows["side_px"]] == [None, 1.5]
-    assert [row.recall for row in rows["tilt_deg"]] == [rate(2, 4)]
+    rows = recall_bins([FLIGHT], "side_px")
+    assert [(row.low, row.high, row.recall) for row in rows] == [(15, 20, rate(0, 1)), (45, 70, rate(2, 3))]
+    assert [row.error_px[50] for row in rows] == [None, 1.5]
+    assert [row.recall for row in recall_bins([FLIGHT], "tilt_deg")] == [rate(2, 4)]
 
 
 def test_the_speed_is_that_of_all_stages_together() -> None:

@@ -13,8 +13,8 @@ from pyarrow import parquet
 
 from peakmark.errors import InputError
 from peakmark.experiments.floor.flight import FlightConfig, open_flight
+from peakmark.experiments.floor.flight_figures import FlightResult, remarks
 from peakmark.experiments.floor.flight_results import fly_and_keep, run_flight
-from peakmark.experiments.floor.flight_summary import FlightResult, remarks
 from peakmark.plain import to_plain
 from tests.peakmark.experiments.floor.conftest import SCENE
 

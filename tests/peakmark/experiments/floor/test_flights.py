@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from peakmark.experiments.floor.flight_figures import FlightResult
 from peakmark.experiments.floor.flight_results import fly_and_keep
-from peakmark.experiments.floor.flight_summary import FlightResult
 from peakmark.experiments.floor.flight_tracking import Flown, distances
 from peakmark.experiments.floor.flights import PooledFigures, breakdown, detected_values, flight_config, pooled
 from peakmark.experiments.floor.flights_results import FlightsResult, headline, run_flights, sections

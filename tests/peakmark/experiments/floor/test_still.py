@@ -9,13 +9,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from peaksim.camera.frame import MarkerTruth
 from peaksim.rendering import Renderer
 from peaksim.scene.file import load_scene
 from PIL import Image
 
+from peakmark.cli.floor import render_floor
 from peakmark.errors import InputError
-from peakmark.experiments.floor.still import FloorConfig, open_scene, render_view, render_views
-from peakmark.experiments.floor.still_results import FloorResult, run_floor
+from peakmark.experiments.floor.still import (
+    FloorConfig,
+    FloorResult,
+    open_scene,
+    reasons,
+    render_view,
+    render_views,
+    result_rows,
+    run_floor,
+)
 from peakmark.plain import to_plain
 from tests.helpers import needs_gl
 from tests.peaksim.traced.helpers import needs_tracing
@@ -117,11 +127,11 @@ def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, FloorR
 def test_every_floor_and_seed(texture: str, seed: int) -> None:
     config = FloorConfig(texture=texture, seed=seed)
     score = render_view(open_scene(config), config, 0, 0.0).score
-    assert (score.found, score.wanted, score.false_above_last_marker) == (14, 14, 0)
+    assert (score.markers_found, score.markers_in_view, score.false_above_last_marker) == (14, 14, 0)
     assert score.response_drop is not None
     assert score.response_drop >= 2
-    assert score.localisation.rms is not None
-    assert score.localisation.rms <= 1
+    assert score.localisation_px.rms is not None
+    assert score.localisation_px.rms <= 1
 
 
 def test_the_stretch_separates_better_as_the_paper_says() -> None:
@@ -129,7 +139,7 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
     for stretch in (1.0, 2.0):
         config = FloorConfig(stretch=stretch)
         score = render_view(open_scene(config), config, 0, 0.0).score
-        drops[stretch] = (score.found, score.response_drop or 0.0)
+        drops[stretch] = (score.markers_found, score.response_drop or 0.0)
     assert drops[1.0] < drops[2.0]
     assert drops[1.0][1] < 0.75 * drops[2.0][1]
 
@@ -205,7 +215,7 @@ def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> N
         (("--frames", "0"), "--frames: expected 1…1000000, got 0"),
         (("--stretch", "nan"), "--stretch: expected 0.25…8, got nan"),
         (("--samples", "0"), "--samples: expected 1 or more, got 0"),
-        (("--renderer", "povray"), "--renderer: expected auto, gl, exact or traced, got povray"),
+        (("--renderer", "povray"), "--renderer: expected auto, exact, gl or traced, got povray"),
         (("--out", "/dev/null/x"), "--out /dev/null/x: expected a folder that can be written"),
     ],
 )
@@ -223,3 +233,48 @@ def test_bad_input_is_one_line_and_status_2_and_leaves_nothing(
 def test_a_faulty_configuration_is_refused_before_any_work(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--frames"):
         FloorConfig(frames=2_000_000)
+
+
+def test_the_stretch_is_in_the_table(default_run: tuple[Path, FloorResult]) -> None:
+    assert result_rows(default_run[1])[0] == ("stretch", 2.0)
+    assert "remarks" not in to_plain(default_run[1])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"surf-dark": "surf-light"}, "only surf-dark is searched for, and there are surf-light"),
+        ({"side_m = 0.08": "side_m = 0.02"}, "px in the image, and are found reliably from 20 px on"),
+        ({"[-0.2, 1.0], [0.15, 1.6]": "[-1.9, 0.1], [-1.8, 0.15]"}, "no marker of the scene is fully in view"),
+    ],
+    ids=["light", "small", "out of view"],
+)
+def test_a_scene_in_which_nothing_is_found_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, str], words: str
+) -> None:
+    text = SMALL_SCENE
+    for before, after in change.items():
+        assert before in text
+        text = text.replace(before, after)
+    (tmp_path / "mine.toml").write_text(text)
+    render_floor(scene=str(tmp_path / "mine.toml"), out=tmp_path / "out", renderer="exact")
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["markers_found"] == 0
+    if "no marker" not in words:
+        assert result["remarks"][0] == f"found 0 of {result['markers_in_view']} markers with stretch 2"
+    assert any(words in remark for remark in result["remarks"])
+    shown = capsys.readouterr().out
+    assert all(f"note: {remark}" in shown for remark in result["remarks"])
+
+
+@pytest.mark.parametrize(
+    ("tilt_deg", "stretch", "advice"),
+    [(4.0, 2.0, "--stretch 1"), (60.0, 2.0, None), (60.0, 1.0, "--stretch 2"), (89.9, 2.0, "--stretch 8")],
+)
+def test_the_stretch_is_doubted_where_the_tilt_implies_another(
+    tilt_deg: float, stretch: float, advice: str | None
+) -> None:
+    seen = MarkerTruth("a", "surf-dark", np.zeros(2), np.zeros((4, 2)), 40.0, 1.0, tilt_deg, 1.0)
+    lines = " ".join(reasons([seen], FloorConfig(stretch=stretch)))
+    assert ("--stretch" in lines) == (advice is not None)
+    assert (advice or "40…40 px in the image") in lines

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from peaksim.corpus import make_corpus
+from peaksim.corpus import check_corpus, make_corpus, open_corpus
 from peaksim.corpus.store.base import write_file
 from peaksim.corpus.store.opening import open_store
 from peaksim.errors import InputError
@@ -107,6 +107,37 @@ def test_a_folder_with_spaces_quotes_and_html_is_a_folder_like_any_other(tmp_pat
     store = open_store(str(tmp_path / 'it\'s a "<b>" folder'), new=True)
     write_file(store, "x", b"1")
     assert store.read("x") == b"1"
+
+
+@pytest.mark.parametrize("form", ["file://{}", "file:{}", "file://localhost{}", "local://{}"])
+def test_a_url_of_a_folder_is_that_folder(folder: Path, tmp_path: Path, form: str) -> None:
+    dest = form.format(tmp_path / "new" / "a%20b")
+    make_corpus(tiny_spec(frames=2), folder, dest)
+    assert check_corpus(dest) == []
+    assert open_corpus(dest).picture(1).shape == (48, 64)
+    assert (tmp_path / "new" / "a b" / "manifest.json").is_file()
+
+
+@pytest.mark.parametrize("url", ["file://host/x", "file:///x?y", "file:///x#y", "file://"])
+def test_a_url_of_no_folder_here_is_one_line(url: str) -> None:
+    with pytest.raises(InputError, match=r"expected the URL of a folder on this machine, such as file:///"):
+        open_store(url, new=True)
+
+
+def test_a_name_that_no_folder_can_have_and_one_that_cannot_be_listed_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match="folder: File name too long"):
+        open_store(str(tmp_path / ("x" * 300)), new=True)
+    store = open_store(str(tmp_path))
+    (tmp_path / "frames").mkdir()
+    monkeypatch.setattr(os, "scandir", refuse)
+    with pytest.raises(InputError, match=r"folder: Permission denied"):
+        list(store.names())
+
+
+def refuse(path: object) -> None:
+    raise PermissionError(13, "Permission denied")
 
 
 def test_a_full_disk_is_one_line_and_leaves_no_torn_file(tmp_path: Path) -> None:
