@@ -2,7 +2,8 @@
 
 import sys
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
+from time import perf_counter
 from typing import Literal, get_args
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from peaksim import traced
 from peaksim.area.integrate import integrate
+from peaksim.area.light_map import LightMaps
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import quantise
@@ -18,7 +20,7 @@ from peaksim.errors import SceneError
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
 from peaksim.gl.context import why_not
-from peaksim.scene.needs import left_out
+from peaksim.scene.needs import is_bakeable, left_out
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
 from peaksim.truth.surfaces import surfaces, surfaces_at
@@ -41,6 +43,7 @@ def render(
     samples: int = traced.SAMPLES,
     seed: int | Sequence[int] = 0,
     max_depth: int = traced.MAX_DEPTH,
+    bake: bool = True,
 ) -> Frame:
     """Return the image of a scene and its truth.
 
@@ -58,6 +61,9 @@ def render(
         Mid-exposure of the middle row on the trajectory; kept in the frame.
     samples, seed, max_depth
         Of "traced": paths a pixel, the seed of their noise (a number or several), and the longest path in steps.
+    bake
+        Whether "exact" and "gl" show the light of lamps and sky, path-traced once a scene and kept on disk; where it
+        cannot be, or is not wanted, that light is left out.
 
     Raises
     ------
@@ -73,7 +79,7 @@ def render(
     if chosen == "traced":
         linear, gl_renderer = traced.integrate(scene, posed, samples, seed, max_depth), None
     else:
-        linear, gl_renderer = draw_levels(scene, posed, chosen)
+        linear, gl_renderer = draw_levels(scene, posed, chosen, bake)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
         image=quantise(linear),
@@ -126,13 +132,22 @@ def _warn_once(message: str) -> None:
 
 
 def draw_levels(
-    scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"]
+    scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"], bake: bool = True
 ) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
-    if names := left_out(scene, posed.camera):
-        _warn_once(f'the {renderer} renderer leaves out {", ".join(names)}; renderer "traced" draws them')
+    needs, why = left_out(scene, posed.camera), ""
+    maps = None
+    if bake and is_bakeable(scene):
+        reason = traced.fault()
+        if reason is None:
+            needs = left_out(scene, posed.camera, is_baked=True)
+            scene, maps = _baked(scene)
+        else:
+            why = f", which {reason}"
+    if needs:
+        _warn_once(f'the {renderer} renderer leaves out {", ".join(needs)}; renderer "traced" draws them{why}')
     moments = posed.moments(count_moments(scene, posed)) if posed.is_blurred else (posed,)
-    images = (_draw_sharp(scene, moment, renderer) for moment in moments)
+    images = (_draw_sharp(scene, moment, renderer, maps) for moment in moments)
     linear = next(images) / np.float32(len(moments)) if len(moments) > 1 else next(images)
     for image in images:
         linear += image / np.float32(len(moments))
@@ -142,11 +157,25 @@ def draw_levels(
     return linear, render_gl.gl_renderer()
 
 
-def _draw_sharp(scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"]) -> NDArray[np.float32]:
-    if renderer == "exact":
-        return integrate(scene, posed.camera, posed.row_poses(np.arange(posed.camera.height)))
+@lru_cache(maxsize=2)
+def _baked(scene: Scene) -> tuple[Scene, LightMaps]:
+    """Return a scene as it is drawn in baked light, and that light; the frames of a film share both."""
+    start = perf_counter()
+    maps, was_there = traced.cached_light(scene)
+    if not was_there:
+        size = f"{len(maps.texels)} texels of {100 * maps.texel_m:.2g} cm in {perf_counter() - start:.0f} s"
+        errors = f"noise {maps.noise:.2g}, detail {maps.detail:.2g} grey levels on white"
+        _warn_once(f"baked the light of the scene: {size}; {errors}")
+    return traced.lit_scene(scene), maps
 
-    return render_gl.integrate(scene, posed.camera, posed.pose)
+
+def _draw_sharp(
+    scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"], maps: LightMaps | None
+) -> NDArray[np.float32]:
+    if renderer == "exact":
+        return integrate(scene, posed.camera, posed.row_poses(np.arange(posed.camera.height)), maps)
+
+    return render_gl.integrate(scene, posed.camera, posed.pose, maps)
 
 
 def count_moments(scene: Scene, posed: PosedCamera) -> int:

@@ -11,6 +11,7 @@ from peaksim.area.cells import Cells, Rays, count_splits, split_cells, split_ray
 from peaksim.area.cut import MAX_PIECES, cut_mixed
 from peaksim.area.faces import Faces, FaceViews, faces_of
 from peaksim.area.light import light_owned, light_pieces, pack_lights
+from peaksim.area.light_map import LightMaps, PackedMaps, light_owned_baked, pack_maps
 from peaksim.area.owner import MIXED
 from peaksim.area.piece import add_pieces
 from peaksim.area.polygon import MAX_VERTICES
@@ -40,13 +41,19 @@ class PackedScene(NamedTuple):
     """The meshes, which cast shadows."""
     background: float
     """Grey level where nothing is."""
+    maps: PackedMaps
+    """Baked light."""
+
+    @property
+    def is_lit(self) -> bool:
+        """Whether surfaces show anything else than their print."""
+        return len(self.lights) > 0 or len(self.maps.table) > 0
 
 
-def pack_scene(scene: Scene) -> PackedScene:
-    """Return a scene as tables for the kernels."""
-    return PackedScene(
-        faces_of(scene), pack_lights(scene.plain_lights), solids_of(scene, quads=False), float(scene.background)
-    )
+def pack_scene(scene: Scene, maps: LightMaps | None = None) -> PackedScene:
+    """Return a scene and the light baked for it as tables for the kernels."""
+    lights, solids = pack_lights(scene.plain_lights), solids_of(scene, quads=False)
+    return PackedScene(faces_of(scene), lights, solids, float(scene.background), pack_maps(maps))
 
 
 def draw_split(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
@@ -70,10 +77,23 @@ def draw_band(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, o
     memory = np.empty((2, 2, CHUNK + 1)), np.empty((channels, width)), np.full(width, -1)
     table, texels = packed.faces.table, packed.faces.texels
     fill_owned(rays, views.sides, views.printed, table, texels, cells.owners, packed.background, *memory, out)
-    if len(packed.lights):
-        light_owned(rays, views.sides, *_lighting(packed, views), cells.owners, out)
+    if packed.is_lit:
+        multiply_owned(packed, views, rays, cells.owners, out)
     if (cells.owners == MIXED).any():
         draw_mixed(packed, views, rays, cells, out)
+
+
+def multiply_owned(packed: PackedScene, views: FaceViews, rays: Rays, owners: NDArray[np.int64], out: Levels) -> None:
+    """Multiply the pixels of a band that one face fills by the light on them."""
+    planes, table, eyes, *lighting, maps, texels = _lighting(packed, views)
+    light = np.ones(out.shape if len(packed.lights) else (0, 0, 0))
+    if len(packed.lights):
+        light_owned(rays, views.sides, planes, table, eyes, *lighting, owners, light)
+    if len(maps):
+        corners = np.empty((2, 2, CHUNK + 1))
+        light_owned_baked(rays, views.sides, planes, table, eyes, maps, texels, owners, corners, light, out)
+    else:
+        out *= light
 
 
 def draw_mixed(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
@@ -93,13 +113,14 @@ def new_lists(most: int) -> Lists:
 
 def draw_pieces(packed: PackedScene, views: FaceViews, n: int, lists: Lists, out: Levels) -> None:
     """Add the first n pieces to a band."""
-    if len(packed.lights):
-        light_pieces(*_lighting(packed, views), n, *lists)
-    add_pieces(views.printed, packed.faces.table, packed.faces.texels, n, *lists, out)
+    light = np.ones((n, out.shape[2]))
+    if packed.is_lit:
+        light_pieces(*_lighting(packed, views), n, *lists[:2], light)
+    add_pieces(views.printed, packed.faces.table, packed.faces.texels, n, *lists, light, out)
 
 
 def _lighting(packed: PackedScene, views: FaceViews) -> tuple[NDArray[Any], ...]:
-    return packed.faces.planes, packed.faces.table, views.eyes, packed.lights, *packed.solids[:3]
+    return packed.faces.planes, packed.faces.table, views.eyes, packed.lights, *packed.solids[:3], *packed.maps
 
 
 def run_in_threads(work: Callable[[int], None], items: range) -> None:

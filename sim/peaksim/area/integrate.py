@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from peaksim.area.bands import BAND_ROWS, Levels, draw_split, pack_scene, run_in_threads
 from peaksim.area.cells import Rays, cells_in_tiles
 from peaksim.area.faces import channels_of, view_faces
+from peaksim.area.light_map import LightMaps
 from peaksim.camera.camera import Camera
 from peaksim.scene.scene import Scene
 
 
-def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64]) -> Levels:
+def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64], maps: LightMaps | None = None) -> Levels:
     """Return the (h, w, channels) linear grey levels of a scene.
 
     Parameters
@@ -24,8 +25,10 @@ def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64]) -> Level
         What is packed, and by what.
     poses
         (1, 4, 4) `world_from_camera`, or (h, 4, 4), one for each row.
+    maps
+        Light baked for the scene, if any.
     """
-    packed = pack_scene(scene)
+    packed = pack_scene(scene, maps)
     lattice = corner_rays(camera)
     still = view_faces(packed.faces, poses) if len(poses) == 1 else None
     out = np.empty((camera.height, camera.width, channels_of(scene)), dtype=np.float32)

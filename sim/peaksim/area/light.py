@@ -1,7 +1,7 @@
 """Kernels: the multiplier of linear grey levels over pixels and pieces of pixels, with shadows from meshes.
 
-A multiplier is computed at the middle of a piece; where a mesh comes near the ray from there to the light, samples of
-the piece tell which share is lit.
+What is baked is the mean of a map over the piece. Any other multiplier is computed at the piece's middle; where a mesh
+comes near the ray from there to the light, samples of the piece tell which share is lit.
 """
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from peaksim.area.cut import FACE, ROW, SIZE
 from peaksim.area.faces import DEPTH, NORMAL
+from peaksim.area.light_map import add_baked_piece
 from peaksim.area.rays import STACK, meets_any
 from peaksim.kernel import kernel, part
 from peaksim.scene.scene import Light
@@ -127,8 +128,8 @@ def mean_light(planes, faces, face, polygons, k, n, eyes, pose, lights, boxes, l
 
 
 @kernel
-def light_pieces(planes, faces, eyes, lights, boxes, links, solids, n, polygons, pieces, shares):
-    """Multiply the shares of the first n pieces of a band by the light on them.
+def light_pieces(planes, faces, eyes, lights, boxes, links, solids, maps, texels, n, polygons, pieces, light):
+    """Write the light on the first n pieces of a band.
 
     Parameters
     ----------
@@ -140,20 +141,26 @@ def light_pieces(planes, faces, eyes, lights, boxes, links, solids, n, polygons,
         From `pack_lights`.
     boxes, links, solids
         As in `Solids`: what casts shadows.
-    n, polygons, pieces, shares
+    maps, texels
+        As in `PackedMaps`.
+    n, polygons, pieces
         As in `cut_mixed`.
+    light
+        (n, channels) written: multipliers.
     """
     work, stack = np.empty((4, 3)), np.empty(STACK, np.int64)
     for k in range(n):
         face, size, pose = pieces[k, FACE], pieces[k, SIZE], pieces[k, ROW] if eyes.shape[0] > 1 else 0
-        shares[k] *= mean_light(
+        light[k] = mean_light(
             planes, faces, face, polygons, k, size, eyes, pose, lights, boxes, links, solids, work, stack
         )
+        if maps.shape[0] > 0:
+            add_baked_piece(planes, faces, face, polygons, k, size, eyes, pose, maps, texels, light[k])
 
 
 @kernel
-def light_owned(rays, sides, planes, faces, eyes, lights, boxes, links, solids, owners, out):
-    """Multiply all pixels of a band that have an owner by the light on them; parameters as in `light_pieces`."""
+def light_owned(rays, sides, planes, faces, eyes, lights, boxes, links, solids, owners, light):
+    """Write the plain light on all pixels of a band that have an owner to `light`; see `light_pieces`."""
     work, stack = np.empty((4, 3)), np.empty(STACK, np.int64)
     polygon = np.empty((1, 4, 2))
     for y in range(owners.shape[0]):
@@ -170,8 +177,6 @@ def light_owned(rays, sides, planes, faces, eyes, lights, boxes, links, solids, 
                     polygon[0, corner, 0] = u / w
                     polygon[0, corner, 1] = v / w
                 first, size = pose - pose, corner + 1
-                light = mean_light(
+                light[y, x] = mean_light(
                     planes, faces, face, polygon, first, size, eyes, pose, lights, boxes, links, solids, work, stack
                 )
-                for channel in range(out.shape[2]):
-                    out[y, x, channel] *= light

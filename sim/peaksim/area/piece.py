@@ -23,8 +23,11 @@ def polygon_mean(texels, start, stride, contrast, polygons, k, n, u, v, reach):
 
 
 @kernel
-def add_pieces(printed, faces, texels, n, polygons, pieces, shares, out):
-    """Add the first n pieces of a band to `out` (h, w, channels), each its share × its face's mean; see `cut_mixed`."""
+def add_pieces(printed, faces, texels, n, polygons, pieces, shares, light, out):
+    """Add the first n pieces of a band to `out` (h, w, channels): share × light × mean of the face; see `cut_mixed`.
+
+    `light` (n, channels) is the multiplier of each piece.
+    """
     for k in range(n):
         y, x, face, size = pieces[k, ROW], pieces[k, COLUMN], pieces[k, FACE], pieces[k, SIZE]
         textured = printed[y if printed.shape[0] > 1 else 0, face]
@@ -43,4 +46,4 @@ def add_pieces(printed, faces, texels, n, polygons, pieces, shares, out):
                 start = int(faces[face, START] + channel * faces[face, PLANE])
                 stride = int(faces[face, STRIDE])
                 value = polygon_mean(texels, start, stride, faces[face, CONTRAST], polygons, k, size, u, v, reach)
-            out[y, x, channel] += shares[k] * value
+            out[y, x, channel] += shares[k] * light[k, channel] * value

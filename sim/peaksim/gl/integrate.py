@@ -35,6 +35,7 @@ from peaksim.area.cells import (
     tile_cells,
 )
 from peaksim.area.faces import FaceViews, channels_of, distance_range, view_faces
+from peaksim.area.light_map import LightMaps
 from peaksim.area.owner import MIXED, TILE
 from peaksim.area.shown import CROWDED, MOST_FACES, SAMPLES, cut_crowded, list_in_pixels, list_in_tiles
 from peaksim.camera.camera import Camera
@@ -53,15 +54,15 @@ _CROWDED_AT_ONCE = 512
 """Crowded pixels that are cut before their pieces are added up: 3 MB of memory."""
 
 
-def integrate(scene: Scene, camera: Camera, world_from_camera: Pose) -> Levels:
-    """Return the (h, w, channels) linear grey levels of a scene.
+def integrate(scene: Scene, camera: Camera, world_from_camera: Pose, maps: LightMaps | None = None) -> Levels:
+    """Return the (h, w, channels) linear grey levels of a scene, in the light that was baked for it, if any.
 
     Raises
     ------
     RendererError
         If OpenGL fails.
     """
-    packed = pack_scene(scene)
+    packed = pack_scene(scene, maps)
     views = view_faces(packed.faces, world_from_camera[None])
     out = np.full((camera.height, camera.width, channels_of(scene)), scene.background, dtype=np.float32)
     if not len(packed.faces.planes):

@@ -28,13 +28,13 @@ def check_lights(scene: Scene, eye_m: NDArray[np.float64]) -> None:
                 raise SceneError(f"lights[{k}]: expected a light outside of mesh {mesh.name!r}, got one inside it")
 
 
-def is_inside(triangles_m: NDArray[np.float64], point_m: ArrayLike) -> bool:
-    """Return whether (m, 3, 3) triangles wind around a point: the sum of their solid angles is then ±4π.
+def is_inside(triangles_m: NDArray[np.float64], points_m: ArrayLike) -> NDArray[np.bool_]:
+    """Return whether (m, 3, 3) triangles wind around (…, 3) points: the sum of their solid angles is then ±4π.
 
     Van Oosterom and Strackee 1983, doi:10.1109/TBME.1983.325207.
     """
-    a, b, c = np.moveaxis(triangles_m - np.asarray(point_m), 1, 0)
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    volume = (a * np.cross(b, c)).sum(axis=1)
-    below = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
-    return bool(abs(np.arctan2(volume, below).sum()) > np.pi)
+    a, b, c = np.moveaxis(triangles_m - np.asarray(points_m)[..., None, None, :], -2, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=-1) for side in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=-1)
+    below = la * lb * lc + (a * b).sum(axis=-1) * lc + (b * c).sum(axis=-1) * la + (c * a).sum(axis=-1) * lb
+    return np.asarray(abs(np.arctan2(volume, below).sum(axis=-1)) > np.pi)

@@ -30,11 +30,12 @@ _ROULETTE_DEPTH = 3
 cave with two lamps: variance × time is 46 at both, 53 at 2), in two thirds of the time a sample."""
 MOST_SAMPLES = 1_000_000
 _PIXELS_AT_ONCE = 1 << 20
-_STEPS = tuple(
+STEPS = tuple(
     round(2**32 * step) | 1
     # Roberts 2018 in the pixel: 1/g and 1/g² of the plastic number g; then fractions of the golden ratio, √2 and √3
     for step in (0.7548776662466927, 0.5698402909980532, 0.6180339887498949, 0.4142135623730951, 0.7320508075688772)
 )
+"""Of additive sequences, in 2⁻³²: five numbers a sample."""
 
 
 def integrate(
@@ -102,11 +103,11 @@ def _mean_radiance(
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seeds[0], pixels)
     start = mi.PCG32(pixels, seeds[1])
-    starts = [start.next_uint32() for _ in _STEPS]
+    starts = [start.next_uint32() for _ in STEPS]
     pixel = dr.arange(mi.UInt32, pixels)
 
     def step(k: Any, total: Any, sampler: Any) -> tuple[Any, Any, Any]:
-        at = [mi.Float((first + k * stride) >> 8) * 2.0**-24 for first, stride in zip(starts, _STEPS, strict=True)]
+        at = [mi.Float((first + k * stride) >> 8) * 2.0**-24 for first, stride in zip(starts, STEPS, strict=True)]
         ray, seen = rays(tools, view, pixel, mi.Point2f(at[0], at[1]), at[2], mi.Point2f(at[3], at[4]))
         return k + 1, total + _radiance(tools, traced, path, sampler, ray, seen, back), sampler
 

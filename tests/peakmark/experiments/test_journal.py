@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.experiments.journal import Journal
+from peakmark.experiments.floor.flight import FlightConfig
+from peakmark.experiments.journal import Journal, journal_key
+from peakmark.experiments.robot.drive import DriveConfig
 
 SETTINGS = {"seed": 3, "sides": (1.5, 2.0), "extra": None}
 
@@ -80,3 +82,11 @@ def test_a_folder_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match=r"--out .*file: expected a folder that can be written"):
         Journal.open(tmp_path / "file", SETTINGS)
+
+
+@pytest.mark.parametrize("kind", [FlightConfig, DriveConfig])
+def test_journals_from_before_the_traced_renderer_still_fit(kind: type[FlightConfig] | type[DriveConfig]) -> None:
+    plain, traced = journal_key(kind(samples=8)), journal_key(kind(renderer="traced", samples=8))
+    assert "samples" not in plain
+    assert traced["samples"] == 8
+    assert "thin_lens" not in plain.get("camera", {})
