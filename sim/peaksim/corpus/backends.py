@@ -5,6 +5,7 @@ import; doing a number twice is harmless, so whatever is lost is repeated.
 """
 
 import ctypes
+import gc
 import logging
 import os
 import signal
@@ -258,6 +259,9 @@ def _client(address: str) -> Iterator[Any]:
     try:
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
+        # ends the client that never was now: collected while another one starts, it waits for that one's lock for ever
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
         raise InputError(f"--dask {address}: expected a scheduler, none answers there") from error
     with _silent("distributed"), client, _lost_in_one_line(address, client):
         for worker, state in client.scheduler_info(n_workers=-1)["workers"].items():
