@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from peaksim import traced
 from peaksim.corpus import open_corpus
 
 from tests.peaksim.corpus.helpers import child_environment
@@ -98,6 +99,7 @@ def wanted(page: str, *, slow: bool) -> list[Step]:
         step
         for step in STEPS[page]
         if step.language in ("sh", "python") and step.is_slow == slow and not step.text.startswith(tuple(NOT_RUN))
+        if traced.is_available() or 'renderer="traced"' not in step.text
     ]
 
 
@@ -116,7 +118,7 @@ def run_page(page: str, folder: Path, *, slow: bool) -> dict[str, Any]:
 
 
 def test_these_are_the_pages_with_examples() -> None:
-    assert [page for page in PAGES if wanted(page, slow=False)] == ["CORPUS.md", "README.md"]
+    assert [page for page in PAGES if wanted(page, slow=False)] == ["CORPUS.md", "README.md", "docs/detectors.md"]
     assert [page for page in PAGES if wanted(page, slow=True)] == ["README.md"]
 
 

@@ -178,7 +178,7 @@ class Scene:
         return tuple(light for light in self.lights if isinstance(light, Light))
 
     def __post_init__(self) -> None:
-        for many, kind in (("quads", Quad), ("meshes", Mesh), ("lights", Light)):
+        for many, kind in (("quads", Quad), ("meshes", Mesh), ("lights", (Light, AreaLight, Environment))):
             object.__setattr__(self, many, _all(getattr(self, many), kind, f"scene: {many}"))
         if not 0 <= _floats(self.background, (), "scene: background") <= 255:
             raise SceneError(f"scene: background: expected a grey level 0…255, got {self.background!r}")
@@ -197,12 +197,13 @@ def _marks(marker: object, name: str) -> str | Mark | tuple[Mark, ...] | None:
     return marker if marker is None or isinstance(marker, str | Mark) else _all(marker, Mark, name)
 
 
-def _all(values: Any, kind: type[_Kind], name: str) -> tuple[_Kind, ...]:
-    """Return values as a tuple, refusing what is not all of one type."""
+def _all(values: Any, kind: type[_Kind] | tuple[type, ...], name: str) -> tuple[_Kind, ...]:
+    """Return values as a tuple, refusing what is not all of one type, or of one of several."""
     listed = tuple(values) if isinstance(values, Iterable) else (values,)
     wrong = [value for value in listed if not isinstance(value, kind)]
     if wrong or not isinstance(values, Iterable):
-        raise SceneError(f"{name}: expected a tuple of {kind.__name__}, got {type((wrong or [values])[0]).__name__}")
+        expected = " or ".join(one.__name__ for one in (kind if isinstance(kind, tuple) else (kind,)))
+        raise SceneError(f"{name}: expected a tuple of {expected}, got {type((wrong or [values])[0]).__name__}")
     return listed
 
 

@@ -127,5 +127,5 @@ def test_an_unknown_rule_is_refused() -> None:
     for polarity in ("dark", "light", "both"):
         with pytest.raises(InputError, match="limit: expected one of energy, range, got 'foo'"):
             identify(image, polarity=polarity, limit="foo")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="rule: expected one of joint, paper, got 'guess'"):
+    with pytest.raises(InputError, match="rule: expected one of general, joint, paper, got 'guess'"):
         identify(np.zeros((50, 50), np.uint8), rule="guess")  # type: ignore[arg-type]

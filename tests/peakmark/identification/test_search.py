@@ -92,7 +92,7 @@ def test_features_at_the_border_are_kept_inside_the_image() -> None:
 def test_what_is_no_image_is_refused_in_one_line() -> None:
     with pytest.raises(InputError):
         identify(np.zeros((4, 4, 7), np.uint8), polarity="both")
-    with pytest.raises(InputError, match="polarity: expected dark, light or both, got 'grey'"):
+    with pytest.raises(InputError, match="polarity: expected one of dark, light, both, got 'grey'"):
         identify(np.zeros((40, 40), np.uint8), polarity="grey")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="rule"):
         identify(np.zeros((40, 40), np.uint8), polarity="both", rule="paper")

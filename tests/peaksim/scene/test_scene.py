@@ -85,7 +85,7 @@ def test_a_quad_of_something_else_is_refused(values: dict[str, object], message:
     [
         ({"quads": plain_quad("q", 0, 1.0, np.eye(4))}, "quads: expected a tuple of Quad, got Quad"),
         ({"meshes": (plain_quad("q", 0, 1.0, np.eye(4)),)}, "meshes: expected a tuple of Mesh, got Quad"),
-        ({"lights": (None,)}, "lights: expected a tuple of Light, got NoneType"),
+        ({"lights": (None,)}, "lights: expected a tuple of Light or AreaLight or Environment, got NoneType"),
         ({"background": np.nan}, "background: expected finite numbers"),
         ({"background": 300.0}, "background: expected a grey level 0…255, got 300"),
     ],

@@ -110,7 +110,7 @@ def test_a_flight_that_is_kept_is_not_flown_or_written_again(ride: Path, tmp_pat
 
 def test_a_flight_without_markers_in_view_gives_none_not_a_crash(ride: Path, tmp_path: Path) -> None:
     text = ride.read_text().replace("pitch_deg = 36", "pitch_deg = -50")
-    up = tmp_path / "up.toml"
+    up = ride.parent / "up.toml"
     up.write_text(text)
     result = run_flight(FlightConfig(str(up), frames=2), tmp_path / "out")
     assert result.detection.recall.of == 0
@@ -130,7 +130,7 @@ def test_a_map_of_another_floor_is_reported(ride: Path, tmp_path: Path) -> None:
 
 
 def test_too_fast_a_ride_is_remarked_on(ride: Path, tmp_path: Path) -> None:
-    fast = tmp_path / "fast.toml"
+    fast = ride.parent / "fast.toml"
     fast.write_text(ride.read_text().replace("speed_m_s = 0.6", "speed_m_s = 3.0\nacceleration_m_s2 = 9.0"))
     remark = remarks(open_flight(FlightConfig(str(fast))))
     assert len(remark) == 1
