@@ -217,6 +217,16 @@ def sandwich(gray, pixels, theta, lines, levels, noise, precision):
 
 
 @kernel
+def level_between(image, x, y):
+    """Return the level at (x, y) between four pixels, which all lie in the image."""
+    left, top = int(x), int(y)
+    fx, fy = x - left, y - top
+    upper = image[top, left] * (1 - fx) + image[top, left + 1] * fx
+    lower = image[top + 1, left] * (1 - fx) + image[top + 1, left + 1] * fx
+    return upper * (1 - fy) + lower * fy
+
+
+@kernel
 def coarse_shape(image, cx, cy, size, samples, template, shapes):
     """Return the index of the shape whose view of the pattern correlates best with the image.
 
@@ -231,11 +241,7 @@ def coarse_shape(image, cx, cy, size, samples, template, shapes):
             u, v = samples[i, 0] * size, samples[i, 1] * size
             x = min(max(cx + shapes[k, 0, 0] * u + shapes[k, 0, 1] * v, 0.0), width - 1.001)
             y = min(max(cy + shapes[k, 1, 0] * u + shapes[k, 1, 1] * v, 0.0), height - 1.001)
-            left, top = int(x), int(y)
-            fx, fy = x - left, y - top
-            upper = image[top, left] * (1 - fx) + image[top, left + 1] * fx
-            lower = image[top + 1, left] * (1 - fx) + image[top + 1, left + 1] * fx
-            value = upper * (1 - fy) + lower * fy
+            value = level_between(image, x, y)
             total += value
             squares += value * value
             product += value * template[i]

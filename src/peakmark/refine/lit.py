@@ -14,7 +14,7 @@ from math import cos, exp, log, pi, sin, sqrt
 import numpy as np
 from peaksim.kernel import kernel
 
-from peakmark.refine.align import block_means, chosen_pixels, softened
+from peakmark.refine.align import block_means, chosen_pixels, level_between, softened
 from peakmark.refine.model import pattern_point, smoothed_shares
 
 PARAMETERS = 16
@@ -194,11 +194,7 @@ def correlate_shapes(image, cx, cy, size, samples, template, shapes):
             u, v = samples[i, 0] * size, samples[i, 1] * size
             x = min(max(cx + shapes[k, 0, 0] * u + shapes[k, 0, 1] * v, 0.0), width - 1.001)
             y = min(max(cy + shapes[k, 1, 0] * u + shapes[k, 1, 1] * v, 0.0), height - 1.001)
-            left, top = int(x), int(y)
-            fx, fy = x - left, y - top
-            upper = image[top, left] * (1 - fx) + image[top, left + 1] * fx
-            lower = image[top + 1, left] * (1 - fx) + image[top + 1, left + 1] * fx
-            value = upper * (1 - fy) + lower * fy
+            value = level_between(image, x, y)
             total += value
             squares += value * value
             product += value * template[i]
