@@ -10,6 +10,8 @@ from peaksim.lazy import lazy_names
 if TYPE_CHECKING:
     from peakmark import surf as surf
     from peakmark.arrays.decode import decode_arrays as decode_arrays
+    from peakmark.found.found import Found as Found
+    from peakmark.found.found import find as find
     from peakmark.identification.api import identify as identify
     from peakmark.identification.detection import Detection as Detection
     from peakmark.keypoints.keypoints import Keypoints as Keypoints
@@ -21,8 +23,10 @@ __all__, __getattr__, __dir__ = lazy_names(
     {
         "__version__": "peakmark.version",
         "Detection": "peakmark.identification.detection",
+        "Found": "peakmark.found.found",
         "Keypoints": "peakmark.keypoints.keypoints",
         "decode_arrays": "peakmark.arrays.decode",
+        "find": "peakmark.found.found",
         "identify": "peakmark.identification.api",
         "marker": "peakmark.markers.patterns",
         "surf": "peakmark.surf",

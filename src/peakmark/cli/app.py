@@ -16,6 +16,10 @@ COMMANDS = {
         "peakmark.cli.envelope:envelope",
         "Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates.",
     ),
+    "identify": (
+        "peakmark.cli.identify:identify",
+        "Find markers and arrays in images, folders, films, or a camera's images.",
+    ),
     "detect": ("peakmark.cli.detect:detect", "Detect and describe key points in images, folders and films."),
     "corpus": ("peakmark.cli.corpus:app", "Annotated image sets of any size, rendered with exact truth."),
     "regress": ("peakmark.cli.regress:app", "A detector's figures on rendered fly-throughs, beside accepted ones."),

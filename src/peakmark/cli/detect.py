@@ -9,8 +9,9 @@ from peaksim.image_file import read_image
 from typer import Argument, Exit, Option
 
 from peakmark.cli.command import examples, print_error
-from peakmark.cli.detect_files import DetectedFile, FailedFile, detect_files
+from peakmark.cli.detect_files import DetectedFile, detect_files
 from peakmark.cli.options import Quiet, UnusedSeed, given
+from peakmark.cli.sources import FailedFile
 from peakmark.errors import one_line
 
 

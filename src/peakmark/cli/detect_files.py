@@ -8,23 +8,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.image_file import read_image
 from peaksim.whole_file import whole_file
 from PIL import Image
 
-from peakmark.cli import film_file
+from peakmark.cli.sources import FailedFile, OnFailure, is_film, read_images
 from peakmark.detectors.registry import find_detector, settings_of
-from peakmark.errors import ImageError, InputError
+from peakmark.errors import InputError
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.report.overlay import draw_keypoints
 from peakmark.report.results import write_json
 
-IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp")
-"""Name endings that count as images in a folder."""
 FORMATS = (".npz", ".csv", ".json")
 """Name endings of key point files."""
 OVERLAY = ".overlay.png"
-"""Name ending of drawings, which are not read as images beside the key points that they show."""
+"""Name ending of drawings, see `sources.OVERLAYS`."""
 RESULT = "result.json"
 """Name of the summary of a folder or film."""
 
@@ -43,19 +40,6 @@ class DetectedFile:
     """How many."""
     file: str
     """Where they were written."""
-
-
-@dataclass(frozen=True)
-class FailedFile:
-    """An image that was left out, or a film that ended early, for the summary."""
-
-    name: str
-    """The file's name, or that of the image as in `DetectedFile`."""
-    reason: str
-    """One line."""
-
-
-OnFailure = Callable[[FailedFile], None]
 
 
 def detect_files(
@@ -98,14 +82,15 @@ def detect_files(
     settings |= {} if is_upright else {"raw_orientation": True}
     detect = find_detector(detector)
     is_single = out.suffix in FORMATS
-    if is_single and (source.is_dir() or _is_film(source)):
+    if is_single and (source.is_dir() or is_film(source)):
         raise InputError(f"{out}: expected a folder, as {source} holds many images")
     if ending not in FORMATS:
         raise InputError(f"format: expected one of {', '.join(FORMATS)}, got {ending!r}")
     summary = _Summary(settings, [], [])
     note = summary.failures_to(on_failure)
     with nullcontext() if is_single else summary.written(out):
-        for name, image in read_images(source, is_upright, note):
+        for each in read_images(source, is_upright, note):
+            name, image = each.name, each.image
             target = out if is_single else _target(out, name, ending)
             try:
                 keypoints = detect(image, **(parameters or {}))
@@ -182,64 +167,6 @@ def _target(out: Path, name: str, ending: str) -> Path:
     if target.name == RESULT:
         raise InputError(f"{name}: expected --format npz or csv, as {RESULT} is the summary's name")
     return target
-
-
-def _is_film(source: Path) -> bool:
-    return source.suffix.lower() in film_file.ENDINGS
-
-
-def read_images(
-    source: Path, is_upright: bool = True, on_failure: OnFailure | None = None
-) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield name and pixels of an image, of each image of a folder, or of each frame of a film.
-
-    Images of a folder that cannot be read, and the early end of a film, go to `on_failure` where it is given.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to read, two images of a folder share a name, or an image is damaged.
-    """
-    if source.is_dir():
-        for path in _images_in(source):
-            try:
-                if not path.is_file():
-                    raise ImageError(f"{path}: expected a file")
-                image = read_image(path, is_upright=is_upright)
-            except ImageError as error:
-                if on_failure is None:
-                    raise
-                on_failure(FailedFile(path.name, str(error)))
-                continue
-            yield path.stem, image
-    elif _is_film(source):
-        index = -1
-        try:
-            for index, frame in enumerate(film_file.read_film(source, is_upright)):
-                yield f"{source.stem}_{index:06d}", frame
-        except ImageError as error:
-            if on_failure is None or index < 0:
-                raise
-            on_failure(FailedFile(source.name, str(error)))
-    else:
-        yield source.stem, read_image(source, is_upright=is_upright)
-
-
-def _images_in(folder: Path) -> list[Path]:
-    """Return a folder's images by name, without the drawings that an earlier run left beside its key points."""
-    try:
-        there = {path.name: path for path in folder.iterdir()}
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be read: {error.strerror or error}") from error
-    drawn = {name for name in there if any(f"{name.removesuffix(OVERLAY)}{ending}" in there for ending in FORMATS)}
-    drawn = {name for name in drawn if name.endswith(OVERLAY)}
-    paths = [there[name] for name in sorted(there) if there[name].suffix.lower() in IMAGES and name not in drawn]
-    names = [path.stem for path in paths]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if not paths or twice:
-        got = f"two called {twice[0]}" if twice else "none"
-        raise InputError(f"{folder}: expected a folder of images with different names, got {got}")
-    return paths
 
 
 def _as_json(parameters: dict[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,12 @@ _SHORTEST_SHARE = 0.9
 
 
 def read_film(path: Path, is_upright: bool = True) -> Iterator[NDArray[np.uint8]]:
-    """Yield the frames of a film's first video stream as (H, W, 3) RGB.
+    """Yield the frames of `read_timed_film` without their times."""
+    return (pixels for _, pixels in read_timed_film(path, is_upright))
+
+
+def read_timed_film(path: Path, is_upright: bool = True) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Yield the frames of a film's first video stream: seconds from the first one, and (H, W, 3) RGB.
 
     The rotation that the film notes for viewers is applied unless `is_upright` is False, as `cv2.VideoCapture` does.
 
@@ -41,7 +46,18 @@ def read_film(path: Path, is_upright: bool = True) -> Iterator[NDArray[np.uint8]
         raise ImageError(f"{path}: expected a film: {getattr(error, 'strerror', None) or error}") from error
 
 
-def _decode(container: Any, is_upright: bool) -> Iterator[NDArray[np.uint8]]:
+def frames_per_second(path: Path) -> float:
+    """Return the rate that a film states; 25 where it states none, and for what is no film, such as a camera."""
+    import av
+
+    try:
+        with av.open(str(path)) as container:
+            return float(container.streams.video[0].average_rate or 25)
+    except (OSError, ValueError, IndexError, av.error.FFmpegError):
+        return 25.0
+
+
+def _decode(container: Any, is_upright: bool) -> Iterator[tuple[float, NDArray[np.uint8]]]:
     stream = container.streams.video[0]
     first_s: float | None = None
     last_s = 0.0
@@ -51,7 +67,8 @@ def _decode(container: Any, is_upright: bool) -> Iterator[NDArray[np.uint8]]:
         last_s = count / float(stream.average_rate or 25) if frame.time is None else frame.time
         first_s = last_s if first_s is None else first_s
         pixels = frame.to_ndarray(format="rgb24")
-        yield np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90))) if is_upright else pixels
+        upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90))) if is_upright else pixels
+        yield last_s - first_s, upright
     if first_s is None:
         raise ImageError("found no frame")
     stated_s, step_s = _stated_s(container, stream), 1 / float(stream.average_rate or 25)

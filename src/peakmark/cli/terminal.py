@@ -54,7 +54,8 @@ class Bar:
 def progress_bar(console: Console, title: str, total: int | None = None) -> Iterator[Bar]:
     """Show a bar while the block runs; a total that is not known yet is None."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=console.quiet) as progress:
+    is_hidden = console.quiet or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=is_hidden) as progress:
         yield Bar(progress, progress.add_task(title, total=total))
 
 

@@ -7,8 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth
+from peaksim.image_file import to_8_bits
 
 from peakmark.arrays.decode import MarkerArray
+from peakmark.found.outline import outline_px
+from peakmark.found.rows import FoundRow
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
@@ -59,6 +62,26 @@ def draw_arrays(
     return canvas
 
 
+def draw_found(image: NDArray[Any], rows: Sequence[FoundRow]) -> Canvas:
+    """Return an RGB copy with the outline of each marker, dark or light, and each array's outline and number.
+
+    The image is any that `as_gray` takes.
+    """
+    canvas = rgb_copy(to_8_bits(image)) if image.ndim == 3 else rgb_copy(as_gray(image))
+    line = _line_px(canvas)
+    for row in rows:
+        if row.kind == "marker":
+            colour = {"dark": DARK, "light": LIGHT}.get(row.polarity or "", OTHER)
+            draw_outline(canvas, row.corners, colour, 2 * line)
+            draw_cross(canvas, (row.x, row.y), 0.2 * row.side_px, colour, line, cv2.MARKER_CROSS)
+    for row in rows:
+        if row.kind == "array":
+            colour = FALSE if row.code is None else FOUND
+            draw_outline(canvas, row.corners, colour, 2 * line)
+            draw_label(canvas, "?" if row.code is None else str(row.code), row.corners[1], colour, line, 2.5)
+    return canvas
+
+
 def draw_keypoints(image: NDArray[Any], keypoints: Keypoints, strongest: int = 2000) -> Canvas:
     """Return the grey image as RGB with the strongest key points' circles, of half their size, and orientations.
 
@@ -76,22 +99,7 @@ def draw_keypoints(image: NDArray[Any], keypoints: Keypoints, strongest: int = 2
     return canvas
 
 
-# --- what an array covers -----------------------------------------------------------------------------------------
-
-
-def outline_px(array: MarkerArray) -> NDArray[np.float64]:
-    """Return (4, 2) corners around an array's markers, px; from the blank corner clockwise where it has a code."""
-    if array.code is None:
-        reach = 1.2 * np.mean([d.size for d in array.detections])
-        xy = np.array([d.xy for d in array.detections])
-        (x0, y0), (x1, y1) = xy.min(axis=0) - reach, xy.max(axis=0) + reach
-        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-    layout, steps = array.layout, array.steps_px
-    cells = np.array(layout.cells, dtype=np.float64)
-    origin = array.xy - cells.mean(axis=0) @ steps.T
-    low, high = np.array([-0.5, -0.5]), np.array([layout.columns, layout.rows]) - 0.5
-    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-    return np.asarray(origin + corners @ steps.T)
+# --- parts of an image -----------------------------------------------------------------------------------------
 
 
 def box_around(xy: NDArray[np.float64], margin_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:

@@ -14,8 +14,9 @@ from PIL import Image
 
 from peakmark import surf
 from peakmark.cli.command import COMPILING
-from peakmark.cli.detect_files import FailedFile, detect_files, read_images
+from peakmark.cli.detect_files import detect_files
 from peakmark.cli.film_file import read_film
+from peakmark.cli.sources import FailedFile, read_images
 from peakmark.errors import ImageError, InputError
 from peakmark.keypoints.keypoints import Keypoints
 from tests.peakmark.cli.films import write_film

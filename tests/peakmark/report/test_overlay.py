@@ -8,17 +8,9 @@ from peaksim.camera.frame import MarkerTruth
 from peaksim.geometry.pose import invert, transform
 
 from peakmark import decode_arrays
+from peakmark.found.outline import outline_px
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.report.overlay import (
-    DARK,
-    LIGHT,
-    MISSED,
-    box_around,
-    draw_arrays,
-    draw_keypoints,
-    draw_overlay,
-    outline_px,
-)
+from peakmark.report.overlay import DARK, LIGHT, MISSED, box_around, draw_arrays, draw_keypoints, draw_overlay
 from peakmark.score.markers import score_frame
 from tests.peakmark.arrays.arrays_scene import CAMERA, detections, facing_wall, printed_array
 

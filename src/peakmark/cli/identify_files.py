@@ -1,0 +1,151 @@
+"""Markers and arrays of images one after the other: rows, the reason where there are none, drawings, and resuming."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.whole_file import whole_file
+from PIL import Image
+
+from peakmark.cli.film_file import frames_per_second
+from peakmark.cli.sources import SourceImage
+from peakmark.errors import InputError
+from peakmark.experiments.journal import Journal
+from peakmark.found.absence import why_nothing
+from peakmark.found.found import find
+from peakmark.found.rows import FoundRow
+from peakmark.keypoints.image import as_gray
+from peakmark.markers.patterns import Polarity
+from peakmark.plain import from_plain, to_plain
+from peakmark.report.film import film
+from peakmark.report.overlay import draw_found
+
+Sought = Polarity | Literal["both"]
+
+OVERLAY, FILM = ".overlay.jpg", ".overlay.mp4"
+"""Name endings of drawings, see `sources.OVERLAYS`, and of films of them."""
+
+_FILM_WIDTH_PX, _JPEG_QUALITY = 1280, 90
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What was found in one image."""
+
+    rows: tuple[FoundRow, ...]
+    """Arrays first, then markers."""
+    reason: str
+    """Why there are none, in an image of its own; otherwise empty."""
+
+    @property
+    def markers(self) -> int:
+        """Number of markers."""
+        return sum(row.kind == "marker" for row in self.rows)
+
+    @property
+    def codes(self) -> tuple[int | None, ...]:
+        """Of the arrays; None where one is unsure."""
+        return tuple(row.code for row in self.rows if row.kind == "array")
+
+
+def identify_images(
+    images: Iterable[SourceImage], polarity: Sought, journal: Journal | None = None, overlays: Path | None = None
+) -> Iterator[tuple[SourceImage, Identified]]:
+    """Yield each image with what was found in it; what the journal has is not done again.
+
+    `overlays` is a folder that gets a drawing of each image, and a film of the drawings of each film.
+
+    Raises
+    ------
+    InputError
+        If the polarity is unknown, or a drawing cannot be written.
+    """
+    with Drawings.into(overlays) as drawings:
+        for each in images:
+            key = _key(each)
+            if journal is not None and key in journal.records:
+                identified = from_plain(Identified, journal.records[key])
+            else:
+                identified = _identified(each, polarity)
+                if journal is not None:
+                    journal.add(key, to_plain(identified))
+            drawings.add(each, identified.rows)
+            yield each, identified
+
+
+def _identified(each: SourceImage, polarity: Sought) -> Identified:
+    rows = find(each.image, polarity).rows(each.file, each.frame)
+    return Identified(rows, "" if rows or each.frame is not None else why_nothing(as_gray(each.image)))
+
+
+def _key(each: SourceImage) -> str:
+    """Return the name of an image in the journal; a file that has changed since has another one."""
+    path = Path(each.file)
+    changed = path.stat().st_mtime_ns if path.exists() else 0
+    return f"{each.file!r} {each.frame} {changed}"
+
+
+@dataclass
+class Drawings:
+    """Drawings on their way into a folder; no two of them get one name."""
+
+    folder: Path | None
+    """None draws nothing."""
+    stack: ExitStack = field(default_factory=ExitStack)
+    """Closes the film that is being written."""
+    film_of: str = ""
+    """The file that it shows."""
+    append: Callable[[NDArray[np.uint8]], None] | None = None
+    """Adds a frame to it."""
+    names: set[str] = field(default_factory=set)
+    """Taken names."""
+
+    @classmethod
+    def into(cls, folder: Path | None) -> "Drawings":
+        """Begin; the folder is made if missing, and one that cannot be is an `InputError`."""
+        try:
+            if folder is not None:
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"--overlay {folder}: expected a folder: {error.strerror or error}") from error
+        return cls(folder)
+
+    def __enter__(self) -> "Drawings":
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        if self.film_of and not Path(self.film_of).exists():  # a camera's film ends whenever it is stopped
+            error = (None, None, None)
+        self.stack.__exit__(*error)
+
+    def add(self, each: SourceImage, rows: tuple[FoundRow, ...]) -> None:
+        """Write the drawing of an image, or add it to the film that it is a frame of."""
+        if self.folder is None:
+            return
+        canvas = draw_found(each.image, rows)
+        try:
+            if each.frame is None:
+                with whole_file(self._free(each.name, OVERLAY)) as path:
+                    Image.fromarray(canvas).save(path, quality=_JPEG_QUALITY, format="JPEG")
+                return
+            if self.film_of != each.file or self.append is None:
+                self.stack.close()
+                name = each.name.rpartition("_")[0]
+                path = self.stack.enter_context(whole_file(self._free(name, FILM)))
+                width = min(_FILM_WIDTH_PX, canvas.shape[1])
+                self.append = self.stack.enter_context(film(path, frames_per_second(Path(each.file)), width))
+                self.film_of = each.file
+            self.append(canvas)
+        except OSError as error:
+            raise InputError(f"--overlay {self.folder}: cannot be written: {error.strerror or error}") from error
+
+    def _free(self, name: str, ending: str) -> Path:
+        assert self.folder is not None
+        numbered = (name if n == 1 else f"{name}-{n}" for n in range(1, len(self.names) + 2))
+        chosen = next(one for one in numbered if one + ending not in self.names)
+        self.names.add(chosen + ending)
+        return self.folder / (chosen + ending)

@@ -1,0 +1,34 @@
+"""Why nothing was found in an image: too little contrast, too small, or nothing that is likely enough."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.identification.general import align_image, shipped_model
+
+SMALLEST_PX = 12
+"""Side of the smallest markers that the general search finds, px."""
+
+LEAST_CONTRAST = 20
+"""Grey levels between the darkest and the lightest hundredth of an image, below which no print shows."""
+
+
+def why_nothing(gray: NDArray[np.uint8]) -> str:
+    """Return one sentence: what was looked for in a (H, W) image, and what spoke against the likeliest candidate."""
+    sought = f"looked for dark and light SURF markers of at least {SMALLEST_PX} px a side"
+    if min(gray.shape) < SMALLEST_PX:
+        return f"{sought}; the image has {gray.shape[1]}×{gray.shape[0]} px"
+    darkest, lightest = np.percentile(gray, (1, 99))
+    if lightest - darkest < LEAST_CONTRAST:
+        return f"{sought}; too little contrast: 98 % of the image lie within {lightest - darkest:.0f} grey levels"
+    found = align_image(gray)
+    if not len(found.candidates):
+        return f"{sought}; nothing resembles one: is it in the image, in focus, and not covered?"
+    model, threshold = shipped_model()
+    likely = model.probabilities(found.aligned.evidence)
+    best = int(np.argmax(likely))
+    (x, y), side = found.candidates.xy[best], found.candidates.sides_px[best]
+    return (
+        f"{sought}; the likeliest of {len(likely)} candidates, {found.polarities[best]}, {side:.0f} px at "
+        f"({x:.0f}, {y:.0f}), has a probability of {likely[best]:.2f} of the {threshold:.2f} needed: "
+        "print larger, come nearer, or check focus and light"
+    )

@@ -1,0 +1,56 @@
+"""One image's markers and arrays in one value: `find`."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from numpy.typing import ArrayLike
+
+from peakmark.arrays.decode import MarkerArray, decode_arrays
+from peakmark.found.rows import FoundRow, array_row, marker_row
+from peakmark.found.tables import data_frame
+from peakmark.identification.api import identify
+from peakmark.identification.detection import Detection
+from peakmark.keypoints.image import as_gray
+from peakmark.markers.patterns import Polarity
+
+
+@dataclass(frozen=True)
+class Found:
+    """The markers of one image, and the arrays that they form."""
+
+    markers: tuple[Detection, ...]
+    """Strongest first."""
+    arrays: tuple[MarkerArray, ...]
+    """Those with a code first, by code."""
+    image_size: tuple[int, int]
+    """Width and height, px."""
+
+    def rows(self, file: str = "", frame: int | None = None) -> tuple[FoundRow, ...]:
+        """Return one row an array and one a marker, in this order; `file` and `frame` are noted in each."""
+        arrays = [array_row(array, file, frame) for array in self.arrays]
+        return (*arrays, *(marker_row(marker, file, frame) for marker in self.markers))
+
+    def to_dataframe(self) -> Any:
+        """Return the rows as a `pandas.DataFrame`; without pandas an `InputError` says how to install it."""
+        return data_frame(self.rows())
+
+
+def find(image: ArrayLike, polarity: Polarity | Literal["both"] = "both") -> Found:
+    """Return the markers of an image and the arrays among them: `identify`, then `decode_arrays`.
+
+    `image` is grey or RGB, see `as_gray`; a single polarity forms no arrays but those of that polarity alone.
+
+    Raises
+    ------
+    InputError
+        If the polarity is unknown, or the image is none.
+    """
+    gray = as_gray(image)
+    return found_in(gray, identify(gray, polarity=polarity))
+
+
+def found_in(image: ArrayLike, markers: Iterable[Detection]) -> Found:
+    """Return detections with the arrays that they form in their image."""
+    gray, kept = as_gray(image), tuple(markers)
+    return Found(kept, decode_arrays(kept, image=gray), (gray.shape[1], gray.shape[0]))
