@@ -1,5 +1,6 @@
 # make floor   the main job: environment, then render, detect and score the lab floor into out/floor
 # make test    the default tests          make test-all   the long ones too
+# make native  the kernels in C, where sources changed; the other targets do it too
 # make check   ruff and mypy              make regress    the detectors on two suites, beside the accepted figures
 # make bench   our SURF's time and memory against OpenCV's and mahotas's, as ratios, beside benchmarks/baseline.json
 # make parity  our key points against OpenCV's own, where cv2 was built with its SURF
@@ -7,19 +8,25 @@ PYTHON := .venv/bin/python
 PYTEST := $(PYTHON) -m pytest -n auto --dist loadfile --max-worker-restart 0
 READY := .venv/.ready
 TESTS_READY := .venv/.tests-ready
+NATIVE := sim/peaksim/_native/build.json
 
-.PHONY: floor test test-all check regress bench parity clean
+.PHONY: floor native test test-all check regress bench parity clean
 
-floor: $(READY)
+floor: $(READY) $(NATIVE)
 	$(PYTHON) scripts/render_floor.py --out out/floor
 
-test: $(TESTS_READY)
+native: $(NATIVE)
+
+$(NATIVE): $(wildcard native/*.[ch]) tools/build_native.py | $(READY)
+	$(PYTHON) tools/build_native.py
+
+test: $(TESTS_READY) $(NATIVE)
 	$(PYTEST)
 
-test-all: $(TESTS_READY)
+test-all: $(TESTS_READY) $(NATIVE)
 	$(PYTEST) -m "slow or not slow"
 
-regress: $(TESTS_READY)
+regress: $(TESTS_READY) $(NATIVE)
 	for suite in floor cave; do \
 	  $(PYTHON) scripts/regress.py run $$suite --quick --quiet --out out/regress/$$suite && \
 	  $(PYTHON) scripts/regress.py compare out/regress/$$suite --baseline tests/baselines/$$suite.json \
@@ -31,12 +38,12 @@ check: $(TESTS_READY)
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
-bench: $(READY)
+bench: $(READY) $(NATIVE)
 	$(PYTHON) -c 'import mahotas' 2>/dev/null || $(PYTHON) -m pip install --quiet --editable '.[bench]'
 	$(PYTHON) benchmarks/bench_surf.py
 	$(PYTHON) benchmarks/bench_render.py
 
-parity: $(TESTS_READY)
+parity: $(TESTS_READY) $(NATIVE)
 	PYTHONPATH=tests $(PYTHON) benchmarks/parity_surf.py
 
 $(READY): pyproject.toml tools/install.sh
@@ -48,4 +55,4 @@ $(TESTS_READY): pyproject.toml tools/install.sh
 	touch $@ $(READY)
 
 clean:
-	rm -rf out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf out build .pytest_cache .mypy_cache .ruff_cache .hypothesis

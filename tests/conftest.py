@@ -1,9 +1,15 @@
 """Settings of the whole suite."""
 
+import os
 import signal
+import subprocess
+import sys
 
+import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+
+from tests.places import ROOT
 
 # examples come from a fixed seed, so that a run can be repeated; first calls import and compile, so no deadline
 settings.register_profile("peakmark", deadline=None, derandomize=True, max_examples=50)
@@ -16,3 +22,9 @@ if hasattr(providers, "_get_local_constants"):
 # a shell that starts the suite in the background lets it, and what it starts, ignore Ctrl-C, which tests send
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels whose sources changed, so that no suite tests those of yesterday."""
+    if not hasattr(config, "workerinput") and "PEAKSIM_NATIVE" not in os.environ:
+        subprocess.run([sys.executable, "tools/build_native.py"], cwd=ROOT, check=True)

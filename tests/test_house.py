@@ -12,7 +12,8 @@ from tests.places import ROOT
 SIM_FLOORS = (
     ("peaksim.compiling",),
     ("peaksim.errors", "peaksim.kernel", "peaksim.lazy", "peaksim.threads", "peaksim.whole_file"),
-    ("peaksim.text_file",),
+    ("peaksim.text_file", "peaksim.native_library"),
+    ("peaksim.native",),
     ("peaksim.shipped", "peaksim.toml_file", "peaksim.image_file", "peaksim.geometry"),
     ("peaksim.camera",),
     ("peaksim.scene",),

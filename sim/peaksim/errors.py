@@ -19,6 +19,10 @@ class RendererError(RuntimeError):
     """The renderer failed although the input was valid (no GL context, a lost context)."""
 
 
+class NativeError(RuntimeError):
+    """The library of kernels is missing, damaged, or for another machine; the message says what to do."""
+
+
 def check_choice(value: object, choices: Iterable[str], name: str) -> None:
     """Refuse what is not one of some words.
 

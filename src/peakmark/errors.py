@@ -7,14 +7,15 @@
         ├── SceneError        a scene, trajectory or configuration file (raised by peaksim)
         └── ImageError        an image that cannot be read, or is too large to be honest
     RuntimeError
+    ├── NativeError           the compiled kernels are missing, damaged or for another machine (raised by peaksim)
     └── RendererError         the renderer failed, the input was fine (raised by peaksim)
 
-Commands print an `InputError` as one line and exit with status 2, a `RendererError` with status 3.
+Commands print an `InputError` or a `NativeError` as one line and exit with status 2, a `RendererError` with status 3.
 """
 
-from peaksim.errors import ImageError, InputError, RendererError, SceneError, check_choice
+from peaksim.errors import ImageError, InputError, NativeError, RendererError, SceneError, check_choice
 
-__all__ = ["ImageError", "InputError", "RendererError", "SceneError", "check_choice", "one_line"]
+__all__ = ["ImageError", "InputError", "NativeError", "RendererError", "SceneError", "check_choice", "one_line"]
 
 
 def one_line(text: str) -> str:

@@ -4,7 +4,7 @@
 |---|---|
 | 0 | done |
 | 1 | `regress compare`: something got worse or changed; `corpus check`: files are not as they were written |
-| 2 | bad input |
+| 2 | bad input, or an installation whose compiled kernels cannot be used |
 | 3 | the renderer failed |
 | 4 | a fault of this program, with a traceback |
 | 129, 130, 143 | ended by SIGHUP, SIGINT (Ctrl-C), SIGTERM |
@@ -22,7 +22,7 @@ from typing import Any, NoReturn, TypeVar
 import typer
 from peaksim.compiling import LISTENERS
 
-from peakmark.errors import InputError, RendererError, one_line
+from peakmark.errors import InputError, NativeError, RendererError, one_line
 
 COMPILING = "compiling: a first run takes about a minute longer, later ones do not"
 """Said once, when a kernel is not in Numba's cache."""
@@ -61,7 +61,7 @@ def run_command(command: Callable[..., Any]) -> NoReturn:
                 app = plain_app()
                 app.command()(command)
                 app()
-    except InputError as error:
+    except (InputError, NativeError) as error:
         _stop(error, 2)
     except RendererError as error:
         _stop(error, 3)

@@ -4,11 +4,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.kernel import kernel
+from peaksim.native import function
 
 APART = 0.6
 """Markers nearer than this many sides are one marker found twice, for paper does not overlap. A marker answers in more
 than one octave, and with ghosts of about 16 % of its response around its centre."""
+
+_kept_rows = function(
+    "i8 kept_rows(const f8[n,2] xy, const f8[n] sides, f8 apart, b1 by_larger, f8 like_size, i8[n] rows)"
+)
 
 
 def suppress_non_maxima(
@@ -21,26 +25,6 @@ def suppress_non_maxima(
     """
     order = np.argsort(-worth, kind="stable")
     points, lengths = np.asarray(xy[order], dtype=np.float64), np.asarray(sides[order], dtype=np.float64)
-    return np.asarray(order[_are_kept(points, lengths, APART, by_larger, like_size)])
-
-
-@kernel
-def _are_kept(xy, sides, apart, by_larger, like_size):
-    """Return (n,) whether each, in this order, lies outside the reach of all before it that are kept."""
-    kept = np.empty(len(xy), np.intp)
-    are_kept = np.zeros(len(xy), np.bool_)
-    count = 0
-    for i in range(len(xy)):
-        are_kept[i] = True
-        for k in kept[:count]:
-            larger, smaller = max(sides[k], sides[i]), min(sides[k], sides[i])
-            if larger > like_size * smaller:
-                continue
-            x, y = xy[k, 0] - xy[i, 0], xy[k, 1] - xy[i, 1]
-            if not np.sqrt(x * x + y * y) > apart * (larger if by_larger else sides[k]):
-                are_kept[i] = False
-                break
-        if are_kept[i]:
-            kept[count] = i
-            count += 1
-    return are_kept
+    kept = np.empty(len(order), np.int64)
+    count = _kept_rows(points, lengths, APART, by_larger, like_size, kept)
+    return np.asarray(order[kept[:count]])
