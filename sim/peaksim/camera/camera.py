@@ -5,13 +5,15 @@ Distortion is OpenCV's: "brown" with (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2,
 (k1, k2, k3, k4).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peaksim.camera.calibration_file import read_calibration, write_calibration
 from peaksim.camera.thin_lens import ThinLens
 from peaksim.errors import SceneError
 
@@ -75,6 +77,36 @@ class Camera:
                 f"camera: distortion: expected a lens that can be inverted over the whole image, "
                 f"got {self.distortion}, which folds it"
             )
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Camera":
+        """Read a calibration of OpenCV (YAML, XML, JSON), ROS (camera_info), Kalibr (camchain), COLMAP or a corpus.
+
+        FILE#NAME chooses one camera of a file that has several. See `calibration_file` for what is read.
+
+        Raises
+        ------
+        InputError
+            One line that names the file, what was expected and what came.
+        """
+        fields = read_calibration(path)
+        try:
+            return cls(**fields)
+        except SceneError as error:
+            raise SceneError(f"{path}: {error}") from error
+
+    def save(self, path: str | Path, name: str = "camera", format: str | None = None) -> None:
+        """Write size, intrinsics and lens, not the shutter, as a calibration that others read.
+
+        The format is "opencv" for names ending in .yaml, .yml, .xml or .json, "colmap" for .txt, unless given: also
+        "ros" (camera_info) and "kalibr" (camchain). Numbers are written in full.
+
+        Raises
+        ------
+        InputError
+            If the format is unknown, follows from no ending, or has no model of this lens.
+        """
+        write_calibration(asdict(self), Path(path), name, format)
 
     @property
     def matrix(self) -> NDArray[np.float64]:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from peaksim.camera.calibration_file import colmap_line
 from peaksim.corpus.coco import MOST_MARKERS
-from peaksim.corpus.colmap import camera_line
 from peaksim.corpus.plan import MOST_ATTEMPTS, corpus_cameras, plan_frame, read_scene
 from peaksim.corpus.sample import camera_values
 from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
@@ -39,7 +39,7 @@ def check_spec(spec: CorpusSpec, folder: Path) -> None:
             raise SceneError(f"{choice.file}: {error}") from error
     for named in corpus_cameras(spec, folder):
         try:
-            camera_line(camera_values(named.camera))
+            colmap_line(camera_values(named.camera))
         except InputError as error:
             raise SceneError(f"cameras.{named.name}: {error}") from error
     for sequence in range(min(spec.sequences, _SEQUENCES)):

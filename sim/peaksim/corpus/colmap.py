@@ -4,19 +4,18 @@ COLMAP's pixel centres are at +½, its poses camera from world. Points belong to
 five other points in the next one, whose scene may have moved it.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from peaksim.camera.calibration_file import colmap_line, joined
 from peaksim.corpus.layout import image_name
 from peaksim.corpus.sample import SEEN, Record
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
-from peaksim.errors import InputError
 from peaksim.geometry.pose import invert
 
 
@@ -53,36 +52,11 @@ def colmap_writer(
         name = record["camera"]["name"]
         if name not in camera_numbers:
             camera_numbers[name] = len(camera_numbers) + 1
-            cameras.write(f"{camera_numbers[name]} {camera_line(record['camera'])}\n".encode())
+            cameras.write(f"{camera_numbers[name]} {colmap_line(record['camera'])}\n".encode())
         images.write(_image_lines(spec, record, camera_numbers[name], current, next_point).encode())
 
     yield add
     flush()
-
-
-def camera_line(camera: dict[str, Any]) -> str:
-    """Return COLMAP's model, size and parameters of a camera, without its number.
-
-    Raises
-    ------
-    InputError
-        If COLMAP has no model of its lens: one with a thin prism or a tilted sensor.
-    """
-    k = list(camera["distortion"])
-    model, distortion = ("OPENCV_FISHEYE", k + [0.0] * (4 - len(k))) if camera["model"] == "fisheye" else _brown(k)
-    parameters = [camera["fx"], camera["fy"], camera["cx"] + 0.5, camera["cy"] + 0.5, *distortion]
-    return f"{model} {camera['width']} {camera['height']} {_joined(parameters)}"
-
-
-def _brown(k: list[float]) -> tuple[str, list[float]]:
-    if not any(k):
-        return "PINHOLE", []
-    if any(k[8:]):
-        raise InputError(
-            f"distortion: expected zeros after the first eight coefficients, for COLMAP has no model with a thin prism "
-            f"or a tilted sensor, got {k[8:]}"
-        )
-    return ("OPENCV", k) if len(k) == 4 else ("FULL_OPENCV", (k + [0.0] * 8)[:8])
 
 
 def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, first_point: int) -> str:
@@ -100,13 +74,9 @@ def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, 
                 u, v = marker["points_xy"][i]
                 seen.append(f"{u + 0.5!r} {v + 0.5!r} {point.number}")
     name = image_name(spec, record["frame"]).removeprefix("frames/")
-    return f"{number} {_joined([w, x, y, z, *pose[:3, 3]])} {camera} {name}\n{' '.join(seen)}\n"
+    return f"{number} {joined([w, x, y, z, *pose[:3, 3]])} {camera} {name}\n{' '.join(seen)}\n"
 
 
 def _point_line(point: _TrackedPoint) -> str:
     track = " ".join(f"{image} {index}" for image, index in point.track)
-    return f"{point.number} {_joined(point.xyz)} 128 128 128 0 {track}\n"
-
-
-def _joined(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
+    return f"{point.number} {joined(point.xyz)} 128 128 128 0 {track}\n"

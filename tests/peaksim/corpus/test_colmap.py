@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pycolmap
 import pytest
+from peaksim.camera.calibration_file import colmap_line
 from peaksim.corpus.check_spec import check_spec
-from peaksim.corpus.colmap import camera_line, colmap_writer
+from peaksim.corpus.colmap import colmap_writer
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.errors import SceneError
 
@@ -76,10 +77,10 @@ def test_eight_coefficients_keep_their_order() -> None:
         "model": "brown",
         "distortion": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0],
     }
-    assert camera_line({**values, "distortion": [*values["distortion"], *6 * [0.0]]}) == camera_line(values)
+    assert colmap_line({**values, "distortion": [*values["distortion"], *6 * [0.0]]}) == colmap_line(values)
     expected = [1, 2, 2, 1, 1, 2, 3, 4, 5, 6, 7, 8]
-    assert camera_line(values).split()[:3] == ["FULL_OPENCV", "4", "2"]
-    assert np.array_equal(np.array(camera_line(values).split()[3:], dtype=float), expected)
+    assert colmap_line(values).split()[:3] == ["FULL_OPENCV", "4", "2"]
+    assert np.array_equal(np.array(colmap_line(values).split()[3:], dtype=float), expected)
 
 
 def test_a_lens_that_colmap_has_no_model_of_is_refused_before_anything_is_rendered(folder: Path) -> None:
