@@ -17,9 +17,9 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-/* What a kernel returns that needs memory of its own: Python raises MemoryError for OUT_OF_MEMORY. */
+/* What a kernel returns that may fail: Python raises MemoryError or ValueError. */
 typedef int32_t status;
-enum { DONE = 0, OUT_OF_MEMORY = 1 };
+enum { DONE = 0, OUT_OF_MEMORY = 1, TOO_LARGE = 2 };
 
 static inline int64_t least(int64_t a, int64_t b) { return a < b ? a : b; }
 static inline int64_t most(int64_t a, int64_t b) { return a > b ? a : b; }

@@ -7,7 +7,7 @@ A kernel is declared where it is used, by its prototype in NumPy's words::
 Types are numbers `i4 i8 f8 …`, `b1`, and arrays of them with the names of their lengths; a length of one name is one
 number. `const` arrays are read: they may have another type that NumPy casts to without loss, and any strides. Others
 are written, and must be as declared. `?` after the brackets allows None. In C an array is a pointer and, behind it,
-those of its lengths that no earlier array has named. A function of type `status` may run out of memory.
+those of its lengths that no earlier array has named. A function of type `status` may fail.
 
 `tools/build_native.py` makes the library from `native/*.c`; `pip install` calls it.
 """
@@ -40,7 +40,10 @@ _TYPES: dict[str, tuple[Any, str]] = {
 }
 _DECLARATION = re.compile(r"(\w+) (\w+)\((.*)\)")
 _PARAMETER = re.compile(r"(const )?(\w\d)(?:\[([\w,]+)\](\?)?)? (\w+)")
-_OUT_OF_MEMORY = 1
+_FAILURES: dict[int, tuple[type[Exception], str]] = {
+    1: (MemoryError, "not enough memory"),
+    2: (ValueError, "more items than the kernel has room for"),
+}
 
 
 @cache
@@ -108,7 +111,7 @@ class Function:
         self._call: Callable[..., Any] | None = None
 
     def __call__(self, *values: Any) -> Any:
-        """Call the kernel; TypeError where values are not as declared, MemoryError where C has none."""
+        """Call the kernel; TypeError where values are not as declared; a `status` raises too."""
         call = self._call or self._load()
         passed: list[Any] = []
         alive: list[NDArray[Any]] = []
@@ -124,8 +127,9 @@ class Function:
                 passed.append(array.ctypes.data)
                 passed += parameter.fix_lengths(array.shape, known)
         result = call(*passed)
-        if self.result == "status" and result == _OUT_OF_MEMORY:
-            raise MemoryError(f"{self.name}: not enough memory")
+        if self.result == "status" and result:
+            kind, reason = _FAILURES[result]
+            raise kind(f"{self.name}: {reason}")
         return result
 
     def prototype(self) -> str:

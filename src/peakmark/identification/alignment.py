@@ -12,13 +12,13 @@ from math import sqrt
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.kernel import kernel
+from peaksim.native import function
 
 from peakmark.markers.patterns import Polarity, surf_cells
 from peakmark.parallel import map_parallel
-from peakmark.refine.align import chosen_pixels, shape_grid
-from peakmark.refine.lit import PARAMETERS, align_in_light, correlate_candidates, lit_residuals
-from peakmark.refine.model import Pattern, pattern_point, predict
+from peakmark.refine.align import shape_grid
+from peakmark.refine.lit import PARAMETERS, align_in_light, correlate_candidates
+from peakmark.refine.model import Pattern, predict
 
 COLUMNS = (
     "quotient",
@@ -46,12 +46,18 @@ Michelson contrast; log of the gain; log of the side; log of the anisotropy."""
 HOPELESS = 1.0
 """Noise over gain² of the softened image above which an alignment is given up."""
 
-_KNOTS = np.arange(9) * 0.08
+_KNOTS: NDArray[np.float64] = np.arange(9) * np.float64(0.08)
 """Radii, sides, of the tents that stand for everything radial."""
 
 _SHIFTS = np.array([(a, b) for a in (-0.07, 0.0, 0.07) for b in (-0.07, 0.0, 0.07) if (a, b) != (0.0, 0.0)])
 _TEMPLATE_PX, _TEMPLATE_BLUR, _TEMPLATE_TONE = 1000.0, 0.05, 1.4
 """The coarse template: resolution that makes the pixel's box vanish, blur in sides, and a tone exponent in between."""
+
+_measure_alignment = function(
+    "status measure_alignment(const u1[height,width] gray, const f8[16] theta, const f8[2] center, f8 size, "
+    "const f8[line_count] lines, const i8[intervals,intervals] index, const f8[base_count] base, f8 extent, "
+    "const f8[knot_count] knots, f8[7] figures)"
+)
 
 
 @dataclass(frozen=True)
@@ -227,87 +233,23 @@ def noise_sigma_of(gray: NDArray[np.uint8]) -> float:
     return max(float(np.quantile(1.4826 * np.median(blocks, axis=1), 0.3)), 0.3)
 
 
-@kernel
-def remove(basis, values):
-    """Return what least squares over the rows of `basis` (k, n) leave of values (n,)."""
-    k, n = basis.shape
-    gram = np.empty((k, k))
-    for a in range(k):
-        for b in range(a + 1):
-            total = 0.0
-            for i in range(n):
-                total += basis[a, i] * basis[b, i]
-            gram[a, b] = gram[b, a] = total
-    for a in range(k):
-        gram[a, a] += 1e-6 * n
-    weights = np.linalg.solve(gram, (basis * values).sum(axis=1))
-    left = values.copy()
-    for a in range(k):
-        left -= weights[a] * basis[a]
-    return left
-
-
-@kernel
-def correlation_of(a, b, chosen):
-    """Return the correlation of two columns over the chosen rows; 0 over five or fewer."""
-    count, sa, sb = 0, 0.0, 0.0
-    for i in range(len(a)):
-        if chosen[i]:
-            count += 1
-            sa += a[i]
-            sb += b[i]
-    if count <= 5:
-        return 0.0
-    ma, mb = sa / count, sb / count
-    aa, bb, ab = 0.0, 0.0, 0.0
-    for i in range(len(a)):
-        if chosen[i]:
-            aa += (a[i] - ma) ** 2
-            bb += (b[i] - mb) ** 2
-            ab += (a[i] - ma) * (b[i] - mb)
-    return ab / sqrt(max(aa * bb, 1e-9))
-
-
-@kernel
-def measure_alignment(gray, theta, center, size, lines, index, base, extent, knots):
+def measure_alignment(
+    gray: NDArray[np.uint8],
+    theta: NDArray[np.float64],
+    center: NDArray[np.float64],
+    size: float,
+    lines: NDArray[np.float64],
+    index: NDArray[np.int64],
+    base: NDArray[np.float64],
+    extent: float,
+    knots: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Return (7,) figures of an alignment; all 0 with fewer than 24 pixels.
 
-    Pixels; sums of squares after a plane, after a plane and everything radial, and after the pattern; the correlation
-    of what is not radial; the least correlation of eight halves and quadrants; and that of what is not radial in a
-    quadrant.
+    Pixels; sums of squares after a plane, after a plane and everything radial (tents of 0.08 sides around the knots),
+    and after the pattern; the correlation of what is not radial; the least correlation of eight halves and quadrants;
+    and that of what is not radial in a quadrant.
     """
-    out = np.zeros(7)
-    pixels = chosen_pixels(gray, theta, lines, extent, 3000)
-    n = len(pixels)
-    if n < 24:
-        return out
-    anchor = np.array([center[0], center[1], size])
-    residual, _ = lit_residuals(gray, pixels, theta, anchor, lines, index, base)
-    values, basis = np.empty(n), np.zeros((3 + len(knots), n))
-    us, vs = np.empty(n), np.empty(n)
-    for i in range(n):
-        x, y = pixels[i, 0], pixels[i, 1]
-        u, v, _, _, _, _, _ = pattern_point(theta, x, y)
-        values[i], us[i], vs[i] = gray[y, x], u, v
-        basis[0, i], basis[1, i], basis[2, i] = 1.0, (x - center[0]) / size, (y - center[1]) / size
-        radius = sqrt(u * u + v * v)
-        for k in range(len(knots)):
-            basis[3 + k, i] = max(0.0, 1 - abs(radius - knots[k]) / 0.08)
-    predicted = values - residual
-    flat, round_ = remove(basis[:3], values), remove(basis, values)
-    predicted_round = remove(basis, predicted)
-    everywhere = np.ones(n, np.bool_)
-    out[0], out[1], out[2], out[3] = n, np.sum(flat * flat), np.sum(round_ * round_), np.sum(residual * residual)
-    out[4] = np.sum(round_ * predicted_round) / sqrt(
-        max(np.sum(round_ * round_) * np.sum(predicted_round * predicted_round), 1e-9)
-    )
-    out[5], out[6] = 1.0, 1.0
-    for part in range(8):
-        right, lower = part % 2 == 0, part // 2 % 2 == 0
-        a, b = (us, vs) if part < 4 else (us + vs, us - vs)
-        for i in range(n):
-            everywhere[i] = ((a[i] >= 0) == right) and ((b[i] >= 0) == lower)
-        out[5] = min(out[5], correlation_of(values, predicted, everywhere))
-        if part < 4:
-            out[6] = min(out[6], correlation_of(round_, predicted_round, everywhere))
-    return out
+    figures = np.empty(7)
+    _measure_alignment(gray, theta, center, size, lines, index, base, extent, knots, figures)
+    return figures

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from peakmark.refine.api import PATTERNS, known_pattern
-from peakmark.refine.model import gram, pattern_points, predict, residuals, select_pixels, smooth_step
+from peakmark.refine.model import pattern_points, predict, residuals, select_pixels, smooth_step
 
 angles = st.floats(0, 2 * np.pi)
 
@@ -68,8 +68,3 @@ def test_selected_pixels_are_inside_and_thin_out():
     thin = select_pixels(theta, pattern.lines, pattern.extent, 64, 64, 3)
     assert len(pixels) / 4 < len(thin) < len(pixels) / 2
     assert {tuple(p) for p in thin} <= {tuple(p) for p in pixels}
-
-
-def test_gram_is_the_product_with_its_transpose():
-    rows = np.random.default_rng(3).normal(size=(11, 200))
-    np.testing.assert_allclose(gram(rows), rows @ rows.T, rtol=1e-12)

@@ -1,0 +1,148 @@
+/* Serves peakmark/identification/alignment.py. */
+
+#include <math.h>
+#include <string.h>
+#include "lanes.h"
+#include "linear.h"
+#include "refine_align.h"
+
+enum { MOST_KNOTS = 13, MOST_ROWS = MOST_KNOTS + 3, MOST_PIXELS = 3000 };
+
+static double dot(const double *a, const double *b, int64_t n) {
+    double4 lanes = {0};
+    double rest = 0;
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4) lanes += load4(a + i) * load4(b + i);
+    for (; i < n; i++) rest += a[i] * b[i];
+    return sum4(lanes) + rest;
+}
+
+/* Write what least squares over rows of a basis (k, n) leave of values (n,). */
+static void leave(const double *basis, int64_t k, const double *values, int64_t n, double *left) {
+    double gram[MOST_ROWS * MOST_ROWS], weights[MOST_ROWS];
+    for (int64_t a = 0; a < k; a++) {
+        for (int64_t b = 0; b <= a; b++) gram[a * k + b] = gram[b * k + a] = dot(basis + a * n, basis + b * n, n);
+        gram[a * k + a] += 1e-6 * (double)n;
+        weights[a] = dot(basis + a * n, values, n);
+    }
+    solve(gram, k, weights, 1); /* positive definite, for its diagonal is */
+    memcpy(left, values, (size_t)n * sizeof *left);
+    for (int64_t a = 0; a < k; a++)
+        for (int64_t i = 0; i < n; i++) left[i] -= weights[a] * basis[a * n + i];
+}
+
+/* The correlation of two columns over the chosen rows; 0 over five or fewer. */
+static double correlation_of(const double *a, const double *b, const bool *chosen, int64_t n) {
+    double count = 0, sum_a = 0, sum_b = 0, aa = 0, bb = 0, ab = 0;
+    for (int64_t i = 0; i < n; i++)
+        if (chosen[i]) count++, sum_a += a[i], sum_b += b[i];
+    if (count <= 5) return 0;
+    for (int64_t i = 0; i < n; i++)
+        if (chosen[i]) {
+            double x = a[i] - sum_a / count, y = b[i] - sum_b / count;
+            aa += x * x, bb += y * y, ab += x * y;
+        }
+    return ab / sqrt(greater(aa * bb, 1e-9));
+}
+
+/* The columns of an alignment's pixels. */
+typedef struct {
+    int64_t n;
+    double *values, *predicted, *flat, *round, *predicted_round, *u, *v, *r, *basis;
+    bool *chosen;
+} columns;
+
+static status take_columns(columns *c, int64_t n, int64_t rows, memory *taken) {
+    double **names[] = {&c->values, &c->predicted, &c->flat, &c->round, &c->predicted_round, &c->u, &c->v, &c->r};
+    c->n = n;
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++)
+        if (!(*names[k] = take(taken, n, sizeof(double)))) return OUT_OF_MEMORY;
+    c->basis = take(taken, rows * n, sizeof(double));
+    c->chosen = take(taken, n, sizeof(bool));
+    return c->basis && c->chosen ? DONE : OUT_OF_MEMORY;
+}
+
+/* A plane, and tents over the radius that stand for everything radial. */
+static void fill_basis(const columns *c, const pixels *chosen, const double *theta, const double *anchor,
+                       const double *knots, int64_t knot_count) {
+    for (int64_t i = 0; i < c->n; i++) {
+        double x = chosen->xy[2 * i], y = chosen->xy[2 * i + 1];
+        pattern_view at = pattern_point(theta, x, y);
+        c->values[i] = chosen->levels[i], c->u[i] = at.u, c->v[i] = at.v;
+        c->basis[i] = 1, c->basis[c->n + i] = (x - anchor[0]) / anchor[2], c->basis[2 * c->n + i] = (y - anchor[1]) / anchor[2];
+        double radius = sqrt(at.u * at.u + at.v * at.v);
+        for (int64_t k = 0; k < knot_count; k++)
+            c->basis[(3 + k) * c->n + i] = greater(1 - fabs(radius - knots[k]) / 0.08, 0);
+    }
+}
+
+/* The least correlations: of eight halves and quadrants, and of what is not radial in a quadrant. */
+static void fill_parts(const columns *c, double *of_parts, double *of_quadrants) {
+    *of_parts = *of_quadrants = 1;
+    for (int part = 0; part < 8; part++) {
+        bool is_right = part % 2 == 0, is_lower = part / 2 % 2 == 0;
+        for (int64_t i = 0; i < c->n; i++) {
+            double a = part < 4 ? c->u[i] : c->u[i] + c->v[i], b = part < 4 ? c->v[i] : c->u[i] - c->v[i];
+            c->chosen[i] = (a >= 0) == is_right && (b >= 0) == is_lower;
+        }
+        *of_parts = lesser(correlation_of(c->values, c->predicted, c->chosen, c->n), *of_parts);
+        if (part < 4)
+            *of_quadrants = lesser(correlation_of(c->round, c->predicted_round, c->chosen, c->n), *of_quadrants);
+    }
+}
+
+static void measure(model *m, const double *theta, const pixels *chosen, const columns *c, const double *knots,
+                    int64_t knot_count, double *jacobian, double *figures) {
+    int64_t rows = 3 + knot_count;
+    fill_basis(c, chosen, theta, m->anchor, knots, knot_count);
+    prepare(m, theta);
+    for (int64_t first = 0; first < c->n; first += TILE)
+        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, least(TILE, c->n - first), c->r + first,
+                     jacobian, TILE);
+    for (int64_t i = 0; i < c->n; i++) c->predicted[i] = c->values[i] - c->r[i];
+    leave(c->basis, 3, c->values, c->n, c->flat);
+    leave(c->basis, rows, c->values, c->n, c->round);
+    leave(c->basis, rows, c->predicted, c->n, c->predicted_round);
+    figures[0] = (double)c->n, figures[1] = dot(c->flat, c->flat, c->n), figures[2] = dot(c->round, c->round, c->n);
+    figures[3] = dot(c->r, c->r, c->n);
+    figures[4] = dot(c->round, c->predicted_round, c->n) /
+                 sqrt(greater(figures[2] * dot(c->predicted_round, c->predicted_round, c->n), 1e-9));
+    fill_parts(c, figures + 5, figures + 6);
+}
+
+/* Choose pixels and read them straight from the image: the marker may be as large as it. */
+static status read_bytes(const model *m, const uint8_t *gray, int64_t height, int64_t width, const double *theta,
+                         memory *taken, pixels *chosen) {
+    int64_t room = pixels_around(m, theta, height, width);
+    int32_t *xy = take(taken, 2 * room, sizeof *xy);
+    bool *near = take(taken, room, sizeof *near);
+    if (!xy || !near) return OUT_OF_MEMORY;
+    int64_t count = choose_pixels(m, theta, height, width, MOST_PIXELS, xy, near);
+    float *levels = take(taken, count, sizeof *levels);
+    if (!levels) return OUT_OF_MEMORY;
+    for (int64_t i = 0; i < count; i++) levels[i] = gray[xy[2 * i + 1] * width + xy[2 * i]];
+    *chosen = (pixels){xy, levels, count};
+    return DONE;
+}
+
+EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t width, const double *theta,
+                                const double *center, double size, const double *lines, int64_t line_count,
+                                const int64_t *index, int64_t intervals, const double *base, int64_t base_count,
+                                double extent, const double *knots, int64_t knot_count, double *figures) {
+    if (line_count > MOST_LINES || base_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
+    if (knot_count > MOST_KNOTS) return TOO_LARGE;
+    model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
+               .base_count = base_count, .extent = extent, .anchor = {center[0], center[1], size}};
+    memory taken = {.count = 0};
+    pixels chosen;
+    columns c;
+    double jacobian[LIT * TILE];
+    memset(figures, 0, 7 * sizeof *figures);
+    status state = read_bytes(&m, gray, height, width, theta, &taken, &chosen);
+    if (state == DONE && chosen.count >= MIN_PIXELS) {
+        state = take_columns(&c, chosen.count, 3 + knot_count, &taken);
+        if (state == DONE) measure(&m, theta, &chosen, &c, knots, knot_count, jacobian, figures);
+    }
+    give_back(&taken);
+    return state;
+}

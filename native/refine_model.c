@@ -1,0 +1,295 @@
+/* Serves peakmark/refine/model.py, and lit.py with it. */
+
+#include <math.h>
+#include "elementary.h"
+#include "lanes.h"
+#include "refine_model.h"
+
+static const double PIXEL_VARIANCE = 1.0 / 12, REACH = 3.5, MIN_DEPTH = 0.05, DENSITY = 0.39894228040143267794;
+static const float CLIPPED = 253.5f; /* grey level from which a pixel counts as white */
+
+typedef struct {
+    int64_t left, top, right, bottom;
+} bounds;
+
+/* The pixels around the pattern's extent, inside the image. */
+static bounds pixel_bounds(const double *theta, double extent, int64_t width, int64_t height) {
+    double x_low = 1e9, y_low = 1e9, x_high = -1e9, y_high = -1e9;
+    for (int k = 0; k < 4; k++) {
+        double u = k % 2 ? extent : -extent, v = k / 2 ? extent : -extent;
+        double w = greater(1 + theta[6] * u + theta[7] * v, MIN_DEPTH);
+        double x = theta[0] + (theta[2] * u + theta[3] * v) / w, y = theta[1] + (theta[4] * u + theta[5] * v) / w;
+        x_low = lesser(x, x_low), x_high = greater(x, x_high);
+        y_low = lesser(y, y_low), y_high = greater(y, y_high);
+    }
+    return (bounds){
+        (int64_t)lesser(greater(floor(x_low), 0), (double)width),
+        (int64_t)lesser(greater(floor(y_low), 0), (double)height),
+        (int64_t)greater(lesser(floor(x_high) + 2, (double)width), 0),
+        (int64_t)greater(lesser(floor(y_high) + 2, (double)height), 0),
+    };
+}
+
+static int64_t area(bounds b) { return most(0, b.right - b.left) * most(0, b.bottom - b.top); }
+
+int64_t pixels_around(const model *m, const double *theta, int64_t height, int64_t width) {
+    return area(pixel_bounds(theta, m->extent, width, height));
+}
+
+/* Whether a pixel is inside the extent: 0 no, 1 yes, 2 yes and within reach of a line. */
+static int worth(const model *m, const double *theta, double reach, double x, double y) {
+    pattern_view at = pattern_point(theta, x, y);
+    double reach_u = reach * sqrt(at.ux * at.ux + at.uy * at.uy), reach_v = reach * sqrt(at.vx * at.vx + at.vy * at.vy);
+    if (at.w <= MIN_DEPTH || fabs(at.u) > m->extent - reach_u || fabs(at.v) > m->extent - reach_v) return 0;
+    for (int64_t k = 0; k < m->line_count; k++)
+        if (fabs(at.u - m->lines[k]) < 1.4 * reach_u || fabs(at.v - m->lines[k]) < 1.4 * reach_v) return 2;
+    return 1;
+}
+
+/* Pixels within reach of a line lie on every stride-th diagonal; others tell gain and offset, on a grid 4 times as wide. */
+static bool is_taken(int64_t x, int64_t y, bool near, int64_t stride) {
+    return near ? (x + y) % stride == 0 : x % (4 * stride) == 0 && y % (4 * stride) == 0;
+}
+
+static int64_t select_from(const model *m, const double *theta, int64_t height, int64_t width, int64_t stride,
+                           int32_t *xy, bool *near) {
+    bounds b = pixel_bounds(theta, m->extent, width, height);
+    double reach = 2.5 * sqrt(PIXEL_VARIANCE + theta[10]);
+    int64_t count = 0;
+    for (int64_t y = b.top; y < b.bottom; y++)
+        for (int64_t x = b.left; x < b.right; x++) {
+            int kind = worth(m, theta, reach, (double)x, (double)y);
+            if (!kind || !is_taken(x, y, kind == 2, stride)) continue;
+            xy[2 * count] = (int32_t)x, xy[2 * count + 1] = (int32_t)y;
+            near[count++] = kind == 2;
+        }
+    return count;
+}
+
+/* Fill in at most about `wanted` pixels that are worth comparing, of room for `pixels_around`; return how many. */
+int64_t choose_pixels(const model *m, const double *theta, int64_t height, int64_t width, int64_t wanted, int32_t *xy,
+                      bool *near) {
+    int64_t count = select_from(m, theta, height, width, 1, xy, near);
+    int64_t stride = (count + wanted - 1) / wanted;
+    if (stride <= 1) return count;
+    int64_t kept = 0;
+    for (int64_t i = 0; i < count; i++)
+        if (is_taken(xy[2 * i], xy[2 * i + 1], near[i], stride)) {
+            xy[2 * kept] = xy[2 * i], xy[2 * kept + 1] = xy[2 * i + 1];
+            near[kept++] = near[i];
+        }
+    return kept;
+}
+
+EXPORT int64_t bounded_area(const double *theta, double extent, int64_t height, int64_t width) {
+    return area(pixel_bounds(theta, extent, width, height));
+}
+
+EXPORT int64_t select_pixels(const double *theta, const double *lines, int64_t line_count, double extent, int64_t height,
+                             int64_t width, int64_t stride, int32_t *xy, int64_t room, bool *near) {
+    (void)room;
+    model m = {.lines = lines, .line_count = line_count, .extent = extent};
+    return select_from(&m, theta, height, width, stride, xy, near);
+}
+
+/* How the printed levels show under the tone exponent, and the derivatives by its logarithm. */
+void prepare(model *m, const double *theta) {
+    if (m->parameters == PLAIN) return;
+    int64_t cells = (m->line_count + 1) * (m->line_count + 1);
+    double exponent = same_exp(theta[15]), shown[MOST_LINES + 1], slopes[MOST_LINES + 1];
+    for (int64_t k = 0; k < m->base_count; k++) {
+        bool is_black_or_white = m->base[k] <= 0.0 || m->base[k] >= 1.0;
+        shown[k] = is_black_or_white ? m->base[k] : same_pow(m->base[k], exponent);
+        slopes[k] = is_black_or_white ? 0.0 : shown[k] * same_log(m->base[k]) * exponent;
+    }
+    for (int64_t k = 0; k < cells; k++) {
+        m->fitted[k] = shown[m->index[k]];
+        m->tones[k] = slopes[m->index[k]];
+    }
+    m->levels = m->fitted;
+}
+
+/* One axis of a pixel: the lines that it sees, the box and the Gaussian of its own, and where its steps are kept. */
+typedef struct {
+    int64_t first, last, at;
+    double width, sigma, blur;
+} axis_view;
+
+/* The smoothed steps of a tile: a box's two ends each line, in σ, and the normal distribution and density there. */
+typedef struct {
+    int64_t count;
+    double ends[TILE * 2 * MOST_LINES * 2 + 4], steps[TILE * 2 * MOST_LINES * 2 + 4], densities[TILE * 2 * MOST_LINES * 2 + 4];
+} step_table;
+
+static axis_view view_axis(const model *m, double u, double by_x, double by_y, double blur, step_table *table) {
+    double width = greater(fabs(by_x), fabs(by_y)), other = lesser(fabs(by_x), fabs(by_y));
+    axis_view axis = {.width = width, .blur = blur * (by_x * by_x + by_y * by_y)};
+    axis.sigma = sqrt(other * other / 12 + axis.blur);
+    double reach = width / 2 + REACH * axis.sigma, per_sigma = 1 / axis.sigma;
+    int64_t k = 0;
+    while (k < m->line_count && u - m->lines[k] > reach) k++;
+    axis.first = k;
+    axis.at = table->count;
+    for (; k < m->line_count && m->lines[k] - u < reach; k++) {
+        table->ends[table->count++] = (u - m->lines[k] + width / 2) * per_sigma;
+        table->ends[table->count++] = (u - m->lines[k] - width / 2) * per_sigma;
+    }
+    axis.last = k;
+    return axis;
+}
+
+/* The normal distribution and its density, within 1e-7 (Abramowitz & Stegun 26.2.17). */
+static void fill_steps(step_table *table) {
+    for (int64_t i = 0; i < table->count; i++) {
+        double z = table->ends[i], density = DENSITY * same_exp(-0.5 * z * z), t = 1 / (1 + 0.2316419 * fabs(z));
+        double tail = density * t * (0.319381530 + t * (-0.356563782 + t * (1.781477937 + t * (-1.821255978 + t * 1.330274429))));
+        table->densities[i] = density;
+        table->steps[i] = z > 0 ? 1 - tail : tail;
+    }
+}
+
+typedef struct {
+    double value[MOST_LINES + 1], slope[MOST_LINES + 1], bend[MOST_LINES + 1];
+} share_table;
+
+/* Each interval's share of what a pixel sees along an axis, with its first and second derivative; interval k ends at
+   line k. */
+static void fill_shares(const axis_view *axis, const step_table *table, share_table *shares) {
+    double above = 1, above_slope = 0, above_bend = 0, per_width = 1 / axis->width, scale = axis->sigma * per_width;
+    const double *ends = table->ends + axis->at, *steps = table->steps + axis->at, *density = table->densities + axis->at;
+    for (int64_t k = axis->first; k < axis->last; k++, ends += 2, steps += 2, density += 2) {
+        double step = (ends[0] * steps[0] + density[0] - ends[1] * steps[1] - density[1]) * scale;
+        double slope = (steps[0] - steps[1]) * per_width, bend = (density[0] - density[1]) / (axis->sigma * axis->width);
+        shares->value[k] = above - step, shares->slope[k] = above_slope - slope, shares->bend[k] = above_bend - bend;
+        above = step, above_slope = slope, above_bend = bend;
+    }
+    shares->value[axis->last] = above, shares->slope[axis->last] = above_slope, shares->bend[axis->last] = above_bend;
+}
+
+/* What a pixel sees of the pattern, 0…1, with derivatives by u, v, the logarithm of the blur (twice), and of the tone. */
+typedef struct {
+    double level, by_u, by_v, by_blur, by_tone;
+} sight;
+
+static sight look(const model *m, const axis_view *u, const axis_view *v, const step_table *table) {
+    share_table across, down;
+    fill_shares(u, table, &across);
+    fill_shares(v, table, &down);
+    sight seen = {0};
+    for (int64_t row = v->first; row <= v->last; row++) {
+        const double *levels = m->levels + row * (m->line_count + 1), *tones = m->tones + row * (m->line_count + 1);
+        double value = 0, slope = 0, bend = 0, tone = 0;
+        for (int64_t k = u->first; k <= u->last; k++) {
+            value += levels[k] * across.value[k];
+            slope += levels[k] * across.slope[k];
+            bend += levels[k] * across.bend[k];
+            if (m->parameters == LIT) tone += tones[k] * across.value[k];
+        }
+        seen.level += down.value[row] * value;
+        seen.by_u += down.value[row] * slope;
+        seen.by_v += down.slope[row] * value;
+        seen.by_blur += down.value[row] * bend * u->blur + down.bend[row] * value * v->blur;
+        seen.by_tone += down.value[row] * tone;
+    }
+    return seen;
+}
+
+/* Write a pixel's residual, and the derivatives of its prediction; those by A and g leave out how they change the blur. */
+static void compare(const model *m, const double *theta, const pattern_view *at, const sight *seen, double x, double y,
+                    float level, double *r, double *jacobian, int64_t stride) {
+    bool is_lit = m->parameters == LIT;
+    double p = is_lit ? (x - m->anchor[0]) / m->anchor[2] : 0, q = is_lit ? (y - m->anchor[1]) / m->anchor[2] : 0;
+    double light = is_lit ? 1 + theta[11] * p + theta[12] * q : 1, shade = is_lit ? theta[13] * p + theta[14] * q : 0;
+    double gain = theta[8], value = theta[9] + gain * (light * seen->level + shade);
+    if (is_lit && value >= CLIPPED && level >= CLIPPED) {
+        *r = 0;
+        return;
+    }
+    *r = level - value;
+    /* (px, py) is the prediction's gradient in the image; ∂prediction/∂θ = −(px, py)·∂x/∂θ at fixed u */
+    double px = gain * light * (seen->by_u * at->ux + seen->by_v * at->vx);
+    double py = gain * light * (seen->by_u * at->uy + seen->by_v * at->vy);
+    double along = px * (x - theta[0]) + py * (y - theta[1]), u = at->u / at->w, v = at->v / at->w;
+    const double by[LIT] = {-px, -py, -px * u, -px * v, -py * u, -py * v, along * u, along * v,
+                            light * seen->level + shade, 1, gain * light * seen->by_blur / (2 * theta[10]),
+                            gain * p * seen->level, gain * q * seen->level, gain * p, gain * q,
+                            gain * light * seen->by_tone};
+    for (int64_t k = 0; k < m->parameters; k++) jacobian[k * stride] = by[k];
+}
+
+/* Fill in image − prediction (count ≤ TILE) and the prediction's derivatives (parameters, stride); beyond the pattern's
+   horizon 255 and 0, where image and prediction are both white 0 and 0. `prepare` comes before. */
+void compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, double *r,
+                  double *jacobian, int64_t stride) {
+    step_table table = {.count = 0};
+    pattern_view views[TILE];
+    axis_view across[TILE], down[TILE];
+    for (int64_t i = 0; i < count; i++) {
+        views[i] = pattern_point(theta, xy[2 * i], xy[2 * i + 1]);
+        if (views[i].w <= MIN_DEPTH) continue;
+        across[i] = view_axis(m, views[i].u, views[i].ux, views[i].uy, theta[10], &table);
+        down[i] = view_axis(m, views[i].v, views[i].vx, views[i].vy, theta[10], &table);
+    }
+    fill_steps(&table);
+    for (int64_t k = 0; k < m->parameters; k++)
+        for (int64_t i = 0; i < count; i++) jacobian[k * stride + i] = 0;
+    for (int64_t i = 0; i < count; i++) {
+        r[i] = 255;
+        if (views[i].w <= MIN_DEPTH) continue;
+        sight seen = look(m, across + i, down + i, &table);
+        compare(m, theta, views + i, &seen, xy[2 * i], xy[2 * i + 1], levels[i], r + i, jacobian + i, stride);
+    }
+}
+
+/* Add a tile's products of rows to their lanes: the residuals with all, and all with each other. */
+static void add_products(const double rows[LIT + 1][TILE], int64_t count, double4 lanes[LIT + 1][LIT + 1]) {
+    for (int64_t a = 0; a < count; a++)
+        for (int64_t b = 0; b <= a; b++) {
+            double4 sum = lanes[a][b];
+            for (int64_t i = 0; i < TILE; i += 4) sum += load4(rows[a] + i) * load4(rows[b] + i);
+            lanes[a][b] = sum;
+        }
+}
+
+/* Compare all pixels, and add up the normal equations. */
+void add_up(model *m, const double *theta, const pixels *chosen, equations *sums) {
+    int64_t n = m->parameters;
+    double rows[LIT + 1][TILE] = {{0}};
+    double4 lanes[LIT + 1][LIT + 1] = {{{0}}};
+    prepare(m, theta);
+    for (int64_t first = 0; first < chosen->count; first += TILE) {
+        int64_t count = least(TILE, chosen->count - first);
+        for (int64_t k = 0; count < TILE && k <= n; k++) memset(rows[k], 0, sizeof rows[k]);
+        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, count, rows[n], rows[0], TILE);
+        add_products((const double(*)[TILE])rows, n + 1, lanes);
+    }
+    for (int64_t a = 0; a < n; a++)
+        for (int64_t b = 0; b <= a; b++) sums->hessian[a * n + b] = sums->hessian[b * n + a] = sum4(lanes[a][b]);
+    for (int64_t k = 0; k < n; k++) sums->slope[k] = sum4(lanes[n][k]);
+    sums->squares = sum4(lanes[n][n]);
+}
+
+static void compare_all(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t n,
+                        double *r, double *jacobian) {
+    for (int64_t first = 0; first < n; first += TILE)
+        compare_tile(m, theta, xy + 2 * first, levels + first, least(TILE, n - first), r + first, jacobian + first, n);
+}
+
+EXPORT status residuals(const float *seen, int64_t n, const int32_t *xy, const double *theta, const double *lines,
+                        int64_t line_count, const double *levels, int64_t intervals, double *r, double *jacobian) {
+    if (line_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
+    model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels};
+    compare_all(&m, theta, xy, seen, n, r, jacobian);
+    return DONE;
+}
+
+EXPORT status lit_residuals(const float *seen, int64_t n, const int32_t *xy, const double *theta, const double *anchor,
+                            const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
+                            const double *base, int64_t base_count, double *r, double *jacobian) {
+    if (line_count > MOST_LINES || base_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
+    model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
+               .base_count = base_count, .anchor = {anchor[0], anchor[1], anchor[2]}};
+    prepare(&m, theta);
+    compare_all(&m, theta, xy, seen, n, r, jacobian);
+    return DONE;
+}

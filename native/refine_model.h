@@ -1,0 +1,75 @@
+/* What a camera shows of a known pattern: see peakmark/refine/model.py, and lit.py for tone and light. */
+
+#ifndef REFINE_MODEL_H
+#define REFINE_MODEL_H
+
+#include "memory.h"
+#include "peak.h"
+
+enum {
+    PLAIN = 11,      /* parameters of a pattern in even light */
+    LIT = 16,        /* and those of one in any light */
+    MOST_LINES = 16, /* of a pattern */
+    TILE = 32,       /* pixels that are compared at a time */
+};
+
+/* A pattern and how it is seen; `prepare` fills the levels in for given parameters. */
+typedef struct {
+    int64_t parameters;   /* PLAIN or LIT */
+    const double *lines;  /* (n,) rising, sides */
+    int64_t line_count;
+    double extent;        /* half the side of what is compared, sides */
+    const int64_t *index; /* (n + 1, n + 1) which printed level a cell has; LIT only */
+    const double *base;   /* (base_count,) the printed levels; LIT only */
+    int64_t base_count;
+    double anchor[3];     /* x, y and side, px, of the planes of light; LIT only */
+    const double *levels; /* (n + 1, n + 1) */
+    double fitted[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* the levels under the tone exponent; LIT only */
+    double tones[(MOST_LINES + 1) * (MOST_LINES + 1)];  /* and their derivatives by its logarithm; LIT only */
+} model;
+
+/* An image of grey levels. */
+typedef struct {
+    const float *levels;
+    int64_t height, width;
+} picture;
+
+/* Pixels to compare: (count, 2) x and y, and the grey levels there. */
+typedef struct {
+    const int32_t *xy;
+    const float *levels;
+    int64_t count;
+} pixels;
+
+/* Where a pixel looks: u, v, w = 1 + g·u and ∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y; w = 0 beyond the horizon. */
+typedef struct {
+    double u, v, w, ux, uy, vx, vy;
+} pattern_view;
+
+static inline pattern_view pattern_point(const double *theta, double x, double y) {
+    double dx = x - theta[0], dy = y - theta[1];
+    double b11 = theta[2] - dx * theta[6], b12 = theta[3] - dx * theta[7];
+    double b21 = theta[4] - dy * theta[6], b22 = theta[5] - dy * theta[7];
+    double determinant = b11 * b22 - b12 * b21;
+    if (!(determinant > 0)) return (pattern_view){0};
+    double u = (b22 * dx - b12 * dy) / determinant, v = (b11 * dy - b21 * dx) / determinant;
+    double w = 1 + theta[6] * u + theta[7] * v, scale = w / determinant;
+    return (pattern_view){u, v, w, scale * b22, -scale * b12, -scale * b21, scale * b11};
+}
+
+/* Normal equations of a fit: Σ r², J r and J Jᵀ over the pixels. */
+typedef struct {
+    double squares;
+    double slope[LIT];
+    double hessian[LIT * LIT];
+} equations;
+
+void prepare(model *m, const double *theta);
+void compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, double *r,
+                  double *jacobian, int64_t stride);
+void add_up(model *m, const double *theta, const pixels *chosen, equations *sums);
+int64_t choose_pixels(const model *m, const double *theta, int64_t height, int64_t width, int64_t wanted, int32_t *xy,
+                      bool *near);
+int64_t pixels_around(const model *m, const double *theta, int64_t height, int64_t width);
+
+#endif
