@@ -118,7 +118,12 @@ def run_page(page: str, folder: Path, *, slow: bool) -> dict[str, Any]:
 
 
 def test_these_are_the_pages_with_examples() -> None:
-    assert [page for page in PAGES if wanted(page, slow=False)] == ["CORPUS.md", "README.md", "docs/detectors.md"]
+    assert [page for page in PAGES if wanted(page, slow=False)] == [
+        "CORPUS.md",
+        "README.md",
+        "docs/detectors.md",
+        "docs/sensors.md",
+    ]
     assert [page for page in PAGES if wanted(page, slow=True)] == ["README.md"]
 
 
@@ -161,6 +166,12 @@ def test_the_page_of_corpora_runs_and_its_tables_hold_frames_and_markers_apart(t
         assert [sample["__key__"] for sample in names["samples"]] == [f"{i:08d}" for i in range(8)]
     assert names["large"].num_rows == sum(side is not None and side > 20 for side in sides)
     assert names["model"].num_images() == 8
+
+
+def test_the_page_of_sensors_runs(tmp_path: Path) -> None:
+    names = run_page("docs/sensors.md", tmp_path, slow=False)
+    assert names["phone"].dtype == "uint8"
+    assert names["raw"].dtype == "uint16"
 
 
 def commands_in_prose() -> list[tuple[str, str]]:

@@ -2,7 +2,8 @@
 
 import sys
 from collections.abc import Sequence
-from functools import cache, lru_cache
+from dataclasses import replace
+from functools import cache, lru_cache, partial
 from time import perf_counter
 from typing import Literal, get_args
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from peaksim import traced
 from peaksim.area.integrate import integrate
 from peaksim.area.light_map import LightMaps
-from peaksim.camera.camera import Camera
+from peaksim.camera.camera import Camera, resized
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import quantise
 from peaksim.camera.shutter import PosedCamera, still_camera
@@ -30,6 +31,8 @@ DrawnBy = Literal["exact", "gl", "traced"]
 
 MOST_MOMENTS = 256
 """Most sharp images that a motion blur is averaged from."""
+_PREVIEW_PX, _PREVIEW_SAMPLES = 32, 16
+"""Width of the images by which exposure is metered, and paths a pixel of the traced ones."""
 _MOMENTS_PER_PX = 1.5
 """Sharp images for each pixel that the scene moves: steps of ⅔ px, below what a pixel resolves."""
 
@@ -92,7 +95,19 @@ def render(
         gl_renderer=gl_renderer,
         surfaces=lambda: surfaces(scene, posed),
         posed_camera=posed,
+        preview=partial(_preview, scene, posed, chosen, max_depth, bake),
     )
+
+
+def _preview(
+    scene: Scene, posed: PosedCamera, renderer: DrawnBy, max_depth: int, bake: bool, time_s: float
+) -> NDArray[np.float32]:
+    """Return the (h, w, channels) linear levels of a small sharp image at a time on the trajectory."""
+    camera = resized(posed.camera, _PREVIEW_PX / posed.camera.width)
+    small = still_camera(replace(camera, exposure_s=0.0, row_time_s=0.0), posed.trajectory.at(time_s))
+    if renderer == "traced":
+        return traced.integrate(scene, small, _PREVIEW_SAMPLES, 0, max_depth)
+    return draw_levels(scene, small, renderer, bake)[0]
 
 
 def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> PosedCamera:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +76,8 @@ class MarkerTruth:
 class Frame:
     """One image and its truth."""
 
-    image: NDArray[np.uint8]
-    """(H, W) grey or (H, W, 3) RGB."""
+    image: NDArray[Any]
+    """(H, W) grey or (H, W, 3) RGB; uint8, or uint16 after a sensor of more than 8 bits."""
     linear: NDArray[np.float32]
     """(H, W) or (H, W, 3) linear grey levels before rounding, the sensor's input; 255 is white."""
     camera: Camera
@@ -95,6 +96,8 @@ class Frame:
     """Computes depth, ids and normals on first use."""
     posed_camera: PosedCamera
     """The one projection of image and truth: `posed_camera.project(points_m)` maps world points to px."""
+    preview: "Callable[[float], NDArray[np.float32]]"
+    """Draws the linear levels of a small sharp image at a time on the trajectory, by which a camera meters light."""
 
     @cached_property
     def _surfaces(self) -> "Surfaces":

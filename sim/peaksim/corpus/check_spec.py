@@ -1,14 +1,17 @@
 """Contradictions between a specification and the scenes it names, found before anything is rendered."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from peaksim.camera.calibration_file import colmap_line
+from peaksim.camera.presets import sensor_named
+from peaksim.camera.sensor import Sensor
 from peaksim.corpus.coco import MOST_MARKERS
 from peaksim.corpus.plan import MOST_ATTEMPTS, corpus_cameras, plan_frame, read_scene
 from peaksim.corpus.sample import camera_values
-from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView
+from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView, sensor_value
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import InputError, SceneError
 from peaksim.scene.build import quad_pose
@@ -33,7 +36,8 @@ def check_spec(spec: CorpusSpec, folder: Path) -> None:
             raise SceneError(f"textures.{name}: expected a texture of the scenes ({', '.join(sorted(known))})")
     for choice, (table, beside) in zip(spec.scenes, tables, strict=True):
         try:
-            build_setup(table.model_copy(update={"markers": _probes(table, spec), "marker_paths": ()}), beside)
+            probe = table.model_copy(update={"markers": _probes(table, spec), "marker_paths": ()})
+            _check_sensors(spec, build_setup(probe, beside).sensor)
             _check_scene(spec, table)
         except SceneError as error:
             raise SceneError(f"{choice.file}: {error}") from error
@@ -44,6 +48,15 @@ def check_spec(spec: CorpusSpec, folder: Path) -> None:
             raise SceneError(f"cameras.{named.name}: {error}") from error
     for sequence in range(min(spec.sequences, _SEQUENCES)):
         plan_frame(spec, folder, sequence * spec.sequence_frames, attempts=MOST_ATTEMPTS // 10)
+
+
+def _check_sensors(spec: CorpusSpec, scene_sensor: Sensor) -> None:
+    """Refuse sensors that cannot be, or whose images the files cannot hold, among those that can be drawn."""
+    highest = {name: sensor_value(name, values.limits[1]) for name, values in spec.sensor.spreads.items()}
+    bases = [sensor_named(name) for name in spec.sensor.presets or ()] or [scene_sensor]
+    for sensor in (replace(base, **highest) for base in bases):  # type: ignore[arg-type]
+        if sensor.bits > 8 and spec.pictures.format == "jpeg":
+            raise SceneError(f"pictures.format: expected png for a sensor of {sensor.bits} bits, got jpeg")
 
 
 def _probes(table: SceneTable, spec: CorpusSpec) -> tuple[MarkerTable, ...]:

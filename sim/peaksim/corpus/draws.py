@@ -28,6 +28,10 @@ class Draws:
         """Return a number from a spread."""
         return spread.at(self.share(name))
 
+    def pick(self, name: str, words: tuple[str, ...]) -> str:
+        """Return one of several words, each as likely."""
+        return words[self.index(name, (1.0,) * len(words))]
+
     def index(self, name: str, weights: tuple[float, ...]) -> int:
         """Return one of the indices of the weights."""
         return pick_index(self.share(name), weights)

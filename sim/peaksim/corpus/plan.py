@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from peaksim.camera.camera import Camera
+from peaksim.camera.presets import sensor_named
 from peaksim.camera.sensor import Sensor
 from peaksim.corpus import layout
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
@@ -159,7 +160,9 @@ def _sensor(sensor: Sensor, spec: CorpusSpec, draws: Draws, sequence: int) -> Se
     spread: SensorSpread = spec.sensor
     level = _level(spread.per, spec, draws, sequence)
     drawn = {name: sensor_value(name, level.value(f"sensor.{name}", values)) for name, values in spread.spreads.items()}
-    return replace(sensor, **drawn)  # type: ignore[arg-type]
+    words = {name: level.pick(f"sensor.{name}", words) for name, words in spread.choices.items()}
+    base = sensor if spread.presets is None else sensor_named(level.pick("sensor.presets", spread.presets))
+    return replace(base, **drawn, **words)  # type: ignore[arg-type]
 
 
 # --- sequences ------------------------------------------------------------------------------------------------

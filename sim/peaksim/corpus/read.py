@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.corpus import layout
@@ -48,8 +48,8 @@ class Corpus:
         shard = frame // spec.store.shard_frames
         return list(read_records(self.store, shard))[frame % spec.store.shard_frames]
 
-    def picture(self, frame: int) -> NDArray[np.uint8]:
-        """Return a frame's image, (H, W) grey or (H, W, 3) RGB.
+    def picture(self, frame: int) -> NDArray[Any]:
+        """Return a frame's image, (H, W) grey or (H, W, 3) RGB; uint16 after a sensor of more than 8 bits.
 
         Raises
         ------

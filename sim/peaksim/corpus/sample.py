@@ -18,7 +18,7 @@ from peaksim.corpus.plan import FramePlan
 from peaksim.corpus.spec import PictureTable
 from peaksim.errors import InputError, RendererError
 from peaksim.geometry.pose import Pose, invert, transform
-from peaksim.image_file import read_image_8_bits
+from peaksim.image_file import read_image
 from peaksim.rendering import Renderer, render
 from peaksim.scene.lamps import plain_values
 from peaksim.scene.scene import Scene, rectangle_m
@@ -59,7 +59,7 @@ def make_sample(plan: FramePlan, renderer: Renderer, settings: PictureTable) -> 
     return Sample(image, to_line(record_of(plan, frame, image)))
 
 
-def encode_image(image: NDArray[np.uint8], settings: PictureTable) -> bytes:
+def encode_image(image: NDArray[Any], settings: PictureTable) -> bytes:
     """Return a grey or RGB image as the bytes of a file."""
     # noise hardly compresses: run lengths after a good filter give the same size in a quarter of the time
     quick = [
@@ -79,15 +79,15 @@ def encode_image(image: NDArray[np.uint8], settings: PictureTable) -> bytes:
     return content.tobytes()
 
 
-def decode_image(content: bytes, name: str) -> NDArray[np.uint8]:
-    """Return an image file's bytes as (H, W) grey or (H, W, 3) RGB.
+def decode_image(content: bytes, name: str) -> NDArray[Any]:
+    """Return an image file's bytes as (H, W) grey or (H, W, 3) RGB, uint8 or uint16.
 
     Raises
     ------
     ImageError
         That names the image.
     """
-    return read_image_8_bits(BytesIO(content), name)
+    return read_image(BytesIO(content), name)
 
 
 def to_line(value: Any) -> bytes:

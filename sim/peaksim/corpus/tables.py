@@ -1,5 +1,6 @@
 """Parquet tables: one row a frame, and one row a marker in a frame."""
 
+import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
@@ -49,7 +50,7 @@ FRAME_COLUMNS = {
     **dict.fromkeys(("width", "height", "markers"), "int32"),
     **dict.fromkeys(("fx", "fy", "cx", "cy", "time_s", "tx_m", "ty_m", "tz_m", "qx", "qy", "qz", "qw"), "float64"),
     **dict.fromkeys(("ambient", "directional"), "float64"),
-    **{f"sensor_{field.name}": "float64" for field in fields(Sensor)},
+    **{f"sensor_{field.name}": "string" if isinstance(field.default, str) else "float64" for field in fields(Sensor)},
 }
 """Columns of frames.parquet; the pose is world_from_camera."""
 
@@ -80,8 +81,13 @@ def frame_row(spec: CorpusSpec, record: Record) -> Row:
         **dict(zip(("qx", "qy", "qz", "qw"), map(float, quaternion), strict=True)),
         "ambient": lights.get("ambient"),
         "directional": lights.get("directional"),
-        **{f"sensor_{name}": float(value) for name, value in record["sensor"].items()},
+        **{f"sensor_{name}": _cell(value) for name, value in record["sensor"].items()},
     }
+
+
+def _cell(value: Any) -> float | str:
+    """Return a sensor's field as a table holds it: a number, a word, or the points of a curve as JSON."""
+    return value if isinstance(value, str) else json.dumps(value) if isinstance(value, list) else float(value)
 
 
 def marker_rows(record: Record) -> Iterable[Row]:

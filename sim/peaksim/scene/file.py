@@ -2,12 +2,13 @@
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from peaksim import shipped
 from peaksim.camera.camera import Camera
+from peaksim.camera.presets import sensor_named
 from peaksim.camera.sensor import Sensor
 from peaksim.errors import InputError, SceneError
 from peaksim.geometry.trajectory import Trajectory
@@ -30,6 +31,16 @@ class Setup:
     """Pose of the camera over time; one waypoint for a still view."""
     sensor: Sensor
     """What turns linear grey levels into the image."""
+
+    def seen_by(self, sensor: str | None) -> "Setup":
+        """Return the same with a camera's sensor by its name, see `peaksim.camera.presets`; None keeps the own one.
+
+        Raises
+        ------
+        SceneError
+            If there is no sensor of that name.
+        """
+        return self if sensor is None else replace(self, sensor=sensor_named(sensor))
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.scene, self.camera, self.trajectory))
@@ -115,17 +126,18 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
 
 
 def build_sensor(settings: Mapping[str, Any]) -> Sensor:
-    """Return the sensor of a `[sensor]` table.
+    """Return the sensor of a `[sensor]` table: a preset, if it names one, and what it changes.
 
     Raises
     ------
     SceneError
-        For an unknown field, or one out of its range.
+        For an unknown field or preset, or a field out of its range.
     """
-    known = list(Sensor.__dataclass_fields__)
+    known = ["preset", *Sensor.__dataclass_fields__]
     for name in settings:
         if name not in known:
             raise SceneError(
                 f"sensor.{name}: unknown field, expected one of {', '.join(known)}{suggestion(name, known)}"
             )
-    return Sensor(**settings)
+    changes = {name: value for name, value in settings.items() if name != "preset"}
+    return replace(sensor_named(settings["preset"]) if "preset" in settings else Sensor(), **changes)

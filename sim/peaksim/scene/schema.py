@@ -1,6 +1,6 @@
 """The fields of a scene file, their types, units, defaults and ranges; `scenes/README.md` is their manual."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -266,7 +266,7 @@ class SceneTable(StrictTable):
 
     background: GreyLevel = 128.0
     camera: CameraTable
-    sensor: dict[str, float | bool | str] = Field(default_factory=dict)
+    sensor: dict[str, Any] = Field(default_factory=dict)
     trajectory: Annotated[tuple[WaypointTable, ...], Field(min_length=1)]
     textures: dict[Name, TextureTable] = Field(default_factory=dict)
     room: RoomTable | None = None

@@ -7,7 +7,7 @@ from peaksim.rendering import Renderer
 from typer import Option
 
 from peakmark.cli.command import examples, resumable
-from peakmark.cli.options import NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples
+from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples, SensorName
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
 from peakmark.experiments.cave import fiducials, training, walk_results
 from peakmark.experiments.cave.dense_wall import compare_walls
@@ -25,6 +25,8 @@ def render_cave(
     out: Out = Path("out/cave"),
     renderer: Annotated[str, Option(help="exact (no OpenGL), gl, traced (Mitsuba) or auto.")] = CaveConfig.renderer,
     samples: Samples = CaveConfig.samples,
+    sensor: SensorName = None,
+    bake: Bake = True,
     seed: NoiseSeed = CaveConfig.seed,
     frames: Annotated[
         int, Option(help="Frames of a walk through the room, each scored; more than 1 also makes a film.")
@@ -36,7 +38,7 @@ def render_cave(
     Writes frame.png, overlay.png (Figure 13), response_vs_vis.png (Figure 14), polarity.png (Figure 15), report.html
     and result.json; with --frames also frames.csv and walk.mp4.
     """
-    config = CaveConfig(scene, cast(Renderer, renderer), seed, frames, samples)
+    config = CaveConfig(scene, cast(Renderer, renderer), seed, frames, samples, sensor, bake)
     console = new_console(quiet)
     with progress_bar(console, "render, detect, decode, score", frames + 1) as bar:
         result = walk_results.run_cave(config, out, bar.advance)

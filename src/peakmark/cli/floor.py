@@ -8,7 +8,7 @@ from rich.console import Console
 from typer import Option
 
 from peakmark.cli.command import examples, resumable
-from peakmark.cli.options import NoiseSeed, Out, Quiet, Samples
+from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, Samples, SensorName
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
 from peakmark.errors import InputError
 from peakmark.experiments.floor import flight_report, flight_results, flights_results, still
@@ -32,6 +32,8 @@ def render_floor(
     out: Out = Path("out/floor"),
     renderer: Annotated[str, Option(help="gl (pyrender), exact (no OpenGL), traced (Mitsuba) or auto.")] = "auto",
     samples: Samples = FloorConfig.samples,
+    sensor: SensorName = None,
+    bake: Bake = True,
     seed: NoiseSeed = 0,
     texture: Annotated[
         str | None, Option(help="Floor photograph: gravel, brick, grass; in the hall also coins. [default: gravel]")
@@ -69,11 +71,13 @@ def render_floor(
     drawn_by = cast(Renderer, renderer)
     decided_by = cast(Narrower, rule or ("paper" if trajectory is None else "joint"))
     if trajectory is not None:
-        flight = FlightConfig(trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples)
+        flight = FlightConfig(
+            trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples, sensor, bake
+        )
         _fly(console, flight, out, resume)
     else:
         factor, count = 2.0 if stretch is None else stretch, 1 if frames is None else frames
-        still = FloorConfig(scene or "floor", texture, drawn_by, seed, factor, count, decided_by, samples)
+        still = FloorConfig(scene or "floor", texture, drawn_by, seed, factor, count, decided_by, samples, sensor, bake)
         _render(console, still, out)
     print_path(console, out / "report.html")
 
@@ -140,6 +144,8 @@ def drive_floor(
     texture: Annotated[str | None, Option(help="Floor photograph. [default: the scene's first]")] = None,
     renderer: Annotated[str, Option(help="gl, exact, traced (Mitsuba) or auto.")] = "auto",
     samples: Samples = DriveConfig.samples,
+    sensor: SensorName = None,
+    bake: Bake = True,
     out: Out = Path("out/drive"),
     seed: Annotated[int, Option(help="Seed of paths, wheels and sensor.")] = 0,
     resume: Annotated[bool, Option("--resume", help="Keep the finished paths of an interrupted run.")] = False,
@@ -153,7 +159,18 @@ def drive_floor(
     console = new_console(quiet)
     drawn_by = cast(Renderer, renderer)
     config = DriveConfig(
-        paths, length, spacing, line_ends, scene, texture, drawn_by, seed, frames_per_second=rate, samples=samples
+        paths,
+        length,
+        spacing,
+        line_ends,
+        scene,
+        texture,
+        drawn_by,
+        seed,
+        frames_per_second=rate,
+        samples=samples,
+        sensor=sensor,
+        bake=bake,
     )
     with resumable(_WITH_RESUME), progress_bar(console, "drive", paths) as bar:
         result = drive_results.run_drives(config, out, resume, bar.show)

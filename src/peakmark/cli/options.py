@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
+from peaksim.camera.presets import PRESETS
 from typer import Option
 
 Out = Annotated[Path, Option(help="Folder for the results; made if missing.")]
@@ -10,6 +11,18 @@ Quiet = Annotated[bool, Option("--quiet", help="Print nothing but errors.")]
 UnusedSeed = Annotated[int, Option(hidden=True, help="Taken by every command; nothing here is random.")]
 NoiseSeed = Annotated[int, Option(help="Seed of the sensor noise.")]
 Samples = Annotated[int, Option(help="Paths a pixel of the traced renderer.")]
+SensorName = Annotated[
+    str | None,
+    Option(
+        help=f"Camera instead of the scene's sensor: {', '.join(PRESETS)} (docs/sensors.md). [default: the scene's]"
+    ),
+]
+Bake = Annotated[
+    bool,
+    Option(
+        "--bake/--no-bake", help="Show lamps, windows and skies in exact and gl: their light, path-traced once a scene."
+    ),
+]
 RoomsSeed = Annotated[int, Option(help="Seed of rooms, cameras and noise.")]
 RoomViews = Annotated[int, Option(help="Random cameras a room.")]
 Workers = Annotated[int | None, Option(help="Processes on this machine. [default: its processors]")]

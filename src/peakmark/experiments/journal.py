@@ -97,11 +97,15 @@ class Journal:
 def journal_key(values: Any) -> dict[str, Any]:
     """Return the plain values of a configuration or camera that decide what records hold.
 
-    Fields of the traced renderer count only where it draws, so that journals from before it still fit.
+    Fields of the traced renderer count only where it draws, and sensor and baking only where they are not the
+    default, so that journals from before them still fit.
     """
     plain: dict[str, Any] = to_plain(values)
     if plain.get("renderer") != "traced":
         plain.pop("samples", None)
+    for name, default in (("sensor", None), ("bake", True)):
+        if plain.get(name, not default) == default:
+            del plain[name]
     for part in (plain, plain.get("camera", {})):
         if part.get("thin_lens", "none") is None:
             del part["thin_lens"]

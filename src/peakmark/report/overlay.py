@@ -31,7 +31,7 @@ DARK, LIGHT, OTHER = (64, 160, 255), (255, 196, 0), (0, 230, 120)
 
 
 def draw_overlay(
-    image: NDArray[np.uint8], truth: Sequence[MarkerTruth], detections: Sequence[Detection], score: Score
+    image: NDArray[Any], truth: Sequence[MarkerTruth], detections: Sequence[Detection], score: Score
 ) -> Canvas:
     """Return an RGB copy of the image with each detection's outline and rank, and a cross on each missed marker."""
     canvas, line = rgb_copy(image), _line_px(image)
@@ -47,7 +47,7 @@ def draw_overlay(
 
 
 def draw_arrays(
-    image: NDArray[np.uint8], detections: Sequence[Detection], arrays: Sequence[MarkerArray], missed_xy: Sequence[Point]
+    image: NDArray[Any], detections: Sequence[Detection], arrays: Sequence[MarkerArray], missed_xy: Sequence[Point]
 ) -> Canvas:
     """Return an RGB copy with a cross on each marker and missed position, and each array's outline and number."""
     canvas, line = rgb_copy(image), _line_px(image)
@@ -118,8 +118,9 @@ _BITS = 4  # OpenCV's fractional bits: positions and radii to a sixteenth of a p
 _FARTHEST = 2.0**20  # px: what lies beyond is in no image, and far beyond OpenCV refuses to draw
 
 
-def rgb_copy(image: NDArray[np.uint8]) -> Canvas:
-    """Return a (H, W, 3) copy of a grey or RGB image to draw on."""
+def rgb_copy(image: NDArray[Any]) -> Canvas:
+    """Return a (H, W, 3) copy of a grey or RGB image, of 8 or 16 bits, to draw on."""
+    image = to_8_bits(image)
     return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else np.array(image, order="C")
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import Frame
@@ -41,9 +42,8 @@ def write_views(
     """
     drawn = filmed(views, overlay, None if film is None else folder / film)
     first, image = next(drawn)
-    # photographs with noise hardly shrink, so the quickest compression serves
-    Image.fromarray(first.frame.image).save(folder / "frame.png", compress_level=1)
-    Image.fromarray(image).save(folder / "overlay.png", compress_level=1)
+    _write_png(folder / "frame.png", first.frame.image)
+    _write_png(folder / "overlay.png", image)
     uris = {"overlay": jpeg_uri(image)}
     for name, figure in figures(first).items():
         plots.save(figure, folder / f"{name}.png")
@@ -52,6 +52,15 @@ def write_views(
     for view, _ in drawn:
         on_view(view)
     return first, uris
+
+
+def _write_png(path: Path, image: NDArray[Any]) -> None:
+    """Write an image of 8 or 16 bits; those with noise hardly shrink, so the quickest compression serves."""
+    if image.dtype == np.uint8:
+        Image.fromarray(image).save(path, compress_level=1)
+    else:
+        bgr = image if image.ndim == 2 else image[:, :, ::-1]
+        path.write_bytes(cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes())
 
 
 def curve_section(title: str, unit: str, times_s: Sequence[float], values: Sequence[float | None]) -> Section:

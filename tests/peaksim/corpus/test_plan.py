@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from peaksim.camera import sensor_named
 from peaksim.corpus.plan import corpus_cameras, open_sequence, plan_frame
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import look_at
@@ -121,3 +122,19 @@ def test_a_camera_of_several_is_numbered_and_drawn_from_its_spread(folder: Path)
         camera = named.camera
         assert (camera.fy, camera.cx, camera.cy) == (55, 30, 23.5)
         assert -0.2 <= camera.distortion[0] <= -0.1
+
+
+def test_sensors_are_drawn_by_name_and_their_fields_from_spreads(folder: Path) -> None:
+    sensor = {"presets": ["phone", "dslr"], "exposure": [0.2, 0.3], "mosaic": ["none", "gbrg"], "hot_seed": 3}
+    sensors = [plan_frame(tiny_spec(sensor=sensor), folder, i).sensor for i in range(12)]
+    assert {one.name for one in sensors} == {"phone", "dslr"}
+    assert {one.mosaic for one in sensors} == {"none", "gbrg"}
+    assert all(0.2 <= one.exposure <= 0.3 and one.hot_seed == 3 for one in sensors)
+    for one in sensors:
+        assert one.full_well_e == sensor_named(one.name).full_well_e
+
+
+def test_later_fields_that_nobody_states_leave_the_hash_of_a_suite(folder: Path) -> None:
+    later = {"presets", "tone", "mosaic", "hot_pixels", "hot_seed", "auto_exposure", "sharpening", "sharpening_px"}
+    assert not later & set(tiny_spec().model_dump()["sensor"])
+    assert later & set(tiny_spec(sensor={"tone": ["srgb"]}).model_dump()["sensor"]) == {"tone"}

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peaksim.camera.camera import Camera
+from peaksim.corpus import make_corpus, open_corpus
 from peaksim.corpus.plan import FramePlan, plan_frame
 from peaksim.corpus.sample import (
     COVERED,
@@ -125,3 +126,14 @@ def test_a_line_that_is_no_record_is_named(line: bytes) -> None:
 def test_nan_never_gets_into_a_record() -> None:
     with pytest.raises(ValueError, match="JSON"):
         to_line({"x": float("nan")})
+
+
+def test_images_of_sixteen_bits_come_back_as_they_were_taken(folder: Path, tmp_path: Path) -> None:
+    sensor = {"presets": ["dslr"], "bits": 12, "jpeg_quality": 0}
+    spec = tiny_spec(frames=2, sensor=sensor, store={"shard_frames": 2, "part_frames": 2})
+    make_corpus(spec, folder, str(tmp_path / "c"))
+    corpus = open_corpus(str(tmp_path / "c"))
+    taken = render_frame(plan_frame(spec, folder, 1), "exact").image
+    assert taken.dtype == np.uint16
+    assert np.array_equal(corpus.picture(1), taken)
+    assert corpus.record(1)["sensor"]["name"] == "dslr"

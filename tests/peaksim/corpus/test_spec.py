@@ -72,6 +72,12 @@ def test_a_faulty_file_is_one_line_with_file_and_field(tmp_path: Path, line: str
         ({"markers": {"keep": [0, 2]}}, "expected values in 0…1, got 0…2"),
         ({"markers": {"side_factor": [0, 2]}}, "side_factor: expected positive"),
         ({"clutter": {"boxes": [0, 3]}}, "whole numbers"),
+        ({"sensor": {"presets": ["telephone"]}}, "preset: expected one of machine-vision-linear, .*, got 'telephone'"),
+        ({"sensor": {"presets": []}}, "presets: expected at least one, got none"),
+        ({"sensor": {"tone": ["srgb", "log"]}}, "tone: expected one of linear, srgb, .*, got 'log'"),
+        ({"sensor": {"mosaic": ["rrgb"]}}, "mosaic: expected one of none, rggb, .*, got 'rrgb'"),
+        ({"sensor": {"bits": [8, 10]}}, "bits: expected whole numbers"),
+        ({"sensor": {"jpeg_quality": 101}}, "jpeg_quality: expected a whole number in 0…100, got 101"),
     ],
     ids=str,
 )
@@ -102,6 +108,14 @@ def test_a_contradiction_inside_the_specification_is_refused(fields: dict[str, A
         (
             {"views": [{"kind": "random", "eye_m": [0, 0, [2, 3]], "target_m": [0, 0, 0]}]},
             r"views\[0\].eye_m: expected z inside the room 0…1.5, got 2…3",
+        ),
+        (
+            {"sensor": {"presets": ["phone"], "bits": 10}},
+            "tiny.toml: sensor.jpeg_quality: expected 0 with more than 8 bits, got 90",
+        ),
+        (
+            {"sensor": {"bits": 10}, "pictures": {"format": "jpeg"}},
+            "tiny.toml: pictures.format: expected png for a sensor of 10 bits, got jpeg",
         ),
         ({"cameras": [{**BASE["cameras"][0], "fx": 0.3}]}, "cameras.cam: camera: fx: expected px, at least"),
         ({"cameras": [{**BASE["cameras"][0], "distortion": [-2, 0, 0, 0]}]}, "cameras.cam: camera: distortion"),

@@ -41,6 +41,10 @@ class CaveConfig:
     """Frames along the trajectory; 1 takes its first pose."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
+    sensor: str | None = None
+    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
+    bake: bool = True
+    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
         check_range("seed", self.seed, 0)
@@ -217,9 +221,9 @@ def score_view(index: int, frame: Frame, scene: Scene, render_s: float = 0.0) ->
 def render_view(setup: Setup, config: CaveConfig, index: int, time_s: float) -> CaveView:
     """Render, read and score one frame."""
     start = perf_counter()
-    pose = setup.trajectory.at(time_s)
-    frame = render(setup.scene, setup.camera, pose, config.renderer, time_s, config.samples, (config.seed, index))
-    frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
+    seeds, path = (config.seed, index), setup.trajectory
+    frame = render(setup.scene, setup.camera, path, config.renderer, time_s, config.samples, seeds, bake=config.bake)
+    frame = apply_sensor(frame, setup.sensor, np.random.default_rng(seeds))
     return score_view(index, frame, setup.scene, perf_counter() - start)
 
 
@@ -232,7 +236,7 @@ def render_walk(setup: Setup, config: CaveConfig) -> Iterator[CaveView]:
 
 def open_cave(config: CaveConfig) -> Setup:
     """Load the configuration's scene; one without an array is an `InputError`."""
-    setup = load_scene(config.scene)
+    setup = load_scene(config.scene).seen_by(config.sensor)
     if not printed_arrays(setup.scene):
         raise InputError(f"--scene {config.scene}: expected posters with 3-bit arrays, found none")
     return setup

@@ -11,7 +11,8 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import Frame
-from peaksim.camera.sensor import capture_image
+from peaksim.camera.presets import sensor_named
+from peaksim.camera.sensor import apply_sensor
 from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.ride import Ride
@@ -50,6 +51,10 @@ class FlightConfig:
     """Scene file or name whose markers are the map; None takes the scene that is flown through."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
+    sensor: str | None = None
+    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
+    bake: bool = True
+    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
         check_range("seed", self.seed, 0)
@@ -82,6 +87,8 @@ class Flight:
 def open_flight(config: FlightConfig) -> Flight:
     """Load scene and ride; an `InputError` names a faulty file, a missing texture, a camera that leaves the room."""
     setup, ride = load_ride(config.trajectory, config.scene, config.texture, config.seed)
+    if config.sensor is not None:
+        ride = replace(ride, sensor=sensor_named(config.sensor))
     if config.frames is not None:
         ride = shortened(ride, config.frames)
     mapped = setup.scene if config.map is None else load_scene(config.map).scene
@@ -123,7 +130,6 @@ def render_frame(flight: Flight, index: int) -> Frame:
     """Return one frame after the sensor; its truth is that of mid-exposure."""
     time_s, scene = float(flight.times_s[index]), flight.setup.scene
     renderer = faster_renderer(flight.config.renderer, scene)
-    config, ride = flight.config, flight.ride
-    frame = render(scene, ride.camera, ride.trajectory, renderer, time_s, config.samples, (config.seed, index))
-    noise = np.random.default_rng((flight.config.seed, index))
-    return replace(frame, image=capture_image(frame.linear, flight.ride.sensor_at(time_s), noise))
+    config, ride, seeds = flight.config, flight.ride, (flight.config.seed, index)
+    frame = render(scene, ride.camera, ride.trajectory, renderer, time_s, config.samples, seeds, bake=config.bake)
+    return apply_sensor(frame, ride.sensor_at(time_s), np.random.default_rng(seeds))

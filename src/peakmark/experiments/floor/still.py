@@ -51,6 +51,10 @@ class FloorConfig:
     """How key points become markers."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
+    sensor: str | None = None
+    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
+    bake: bool = True
+    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
         check_range("seed", self.seed, 0)
@@ -63,7 +67,8 @@ class FloorConfig:
 
 def open_scene(config: FloorConfig) -> Setup:
     """Load the configuration's scene with its floor texture."""
-    return load_scene(config.scene, {} if config.texture is None else {"floor": config.texture})
+    setup = load_scene(config.scene, {} if config.texture is None else {"floor": config.texture})
+    return setup.seen_by(config.sensor)
 
 
 def render_views(setup: Setup, config: FloorConfig) -> Iterator[FloorView]:
@@ -77,7 +82,14 @@ def render_view(setup: Setup, config: FloorConfig, index: int, time_s: float) ->
     """Render, detect, identify and score one frame."""
     start = perf_counter()
     frame = render(
-        setup.scene, setup.camera, setup.trajectory, config.renderer, time_s, config.samples, (config.seed, index)
+        setup.scene,
+        setup.camera,
+        setup.trajectory,
+        config.renderer,
+        time_s,
+        config.samples,
+        (config.seed, index),
+        bake=config.bake,
     )
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     is_refined = config.rule != "paper"  # the paper knows no refinement

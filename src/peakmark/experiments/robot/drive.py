@@ -96,6 +96,10 @@ class DriveConfig:
     """How it follows the markers."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
+    sensor: str | None = None
+    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
+    bake: bool = True
+    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
         check_range("paths", self.paths, 1, 10_000)
@@ -140,7 +144,8 @@ def build_path(config: DriveConfig, number: int) -> DrivePath:
     if len(table.marker_paths) != 1:
         raise InputError(f"{config.scene}: expected one entry in marker_paths, found {len(table.marker_paths)}")
     variants = {} if config.texture is None else {"floor": config.texture}
-    return DrivePath(number, path, build_setup(_laid_out(table, path, config), folder, variants))
+    setup = build_setup(_laid_out(table, path, config), folder, variants)
+    return DrivePath(number, path, setup.seen_by(config.sensor))
 
 
 def winding_path(length_m: float, rng: np.random.Generator) -> FloorPath:
@@ -221,7 +226,7 @@ def render_view(config: DriveConfig, drive_path: DrivePath, state: State, index:
     scene, time_s = drive_path.setup.scene, index / config.frames_per_second
     pose = robot_camera_pose(config.robot, state, config.mount)
     renderer, seeds = faster_renderer(config.renderer, scene), (config.seed, drive_path.number, index)
-    frame = render(scene, config.camera, pose, renderer, time_s, config.samples, seeds)
+    frame = render(scene, config.camera, pose, renderer, time_s, config.samples, seeds, bake=config.bake)
     frame = apply_sensor(
         frame, drive_path.setup.sensor, np.random.default_rng((config.seed, drive_path.number, 2, index))
     )

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from peaksim.camera import apply_sensor, sensor_named
 from peaksim.camera.frame import MarkerTruth
-from peaksim.rendering import Renderer
+from peaksim.rendering import Renderer, render
 from peaksim.scene.file import load_scene
 from PIL import Image
 
@@ -278,3 +279,40 @@ def test_the_stretch_is_doubted_where_the_tilt_implies_another(
     lines = " ".join(reasons([seen], FloorConfig(stretch=stretch)))
     assert ("--stretch" in lines) == (advice is not None)
     assert (advice or "40…40 px in the image") in lines
+
+
+def test_a_sensor_by_name_takes_the_place_of_the_scenes(small_scene: Path, tmp_path: Path) -> None:
+    config = FloorConfig(str(small_scene), renderer="exact", seed=3, sensor="phone")
+    setup = open_scene(config)
+    assert setup.sensor == sensor_named("phone")
+    own = render(setup.scene, setup.camera, setup.trajectory, "exact")
+    expected = apply_sensor(own, sensor_named("phone"), np.random.default_rng((3, 0))).image
+    assert np.array_equal(render_view(setup, config, 0, 0.0).frame.image, expected)
+    with pytest.raises(InputError, match=r"sensor.preset: expected one of machine-vision-linear, .*, got 'telephone'"):
+        run_floor(FloorConfig(str(small_scene), sensor="telephone"), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@needs_tracing
+def test_lamps_are_baked_unless_that_is_not_wanted(tmp_path: Path) -> None:
+    scene = tmp_path / "lamp.toml"
+    lamp = """
+[[lights]]
+kind = "area"
+radiance = 8.0
+center_m = [0.0, 1.0, 1.0]
+size_m = [0.3, 0.3]
+[[lights]]
+kind = "ambient"
+intensity = 0.2
+"""
+    small = SMALL_SCENE.replace("min_m = [-2.0, 0.0, 0.0]", "min_m = [-0.4, 0.1, 0.0]")
+    scene.write_text(small.replace("max_m = [2.0, 4.0, 2.5]", "max_m = [0.4, 2.0, 2.5]") + lamp)
+    images = {}
+    for bake in (True, False):
+        config = FloorConfig(str(scene), renderer="exact", bake=bake)
+        images[bake] = render_view(open_scene(config), config, 0, 0.0).frame.linear
+    setup = open_scene(config)
+    assert np.array_equal(images[False], render(*setup, "exact", bake=False).linear)
+    assert np.array_equal(images[True], render(*setup, "exact").linear)
+    assert images[True].mean() > 1.1 * images[False].mean()  # half of the image is background
