@@ -2,7 +2,6 @@
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from peaksim import Camera, Scene
 from scipy.stats import qmc
@@ -18,16 +17,13 @@ def area_integral(scene: Scene, camera: Camera, pose: NDArray[np.float64], n: in
     channels = max([q.texture.channels for q in scene.quads], default=1)
     frames = np.array([np.linalg.inv(q.world_from_quad) @ pose for q in scene.quads]).reshape(-1, 4, 4)
     sizes = np.array([q.size_m for q in scene.quads], dtype=np.float64).reshape(-1, 2)
-    textures = [np.atleast_3d(q.texture.pixels) for q in scene.quads]
-    planes = [np.broadcast_to(t, (*t.shape[:2], channels)).ravel() for t in textures]
-    flat = np.concatenate([np.zeros(0, np.uint8), *planes])
-    shapes = np.array([t.shape[:2] for t in textures], dtype=np.int64).reshape(-1, 2)
-    starts = np.cumsum([0, *(h * w * channels for h, w in shapes)])[: len(shapes)].astype(np.int64)
-    out = np.zeros((camera.height, camera.width, channels))
+    textures = [np.atleast_3d(q.texture.pixels).astype(np.float64) for q in scene.quads]
+    out = np.zeros((camera.height * camera.width, channels))
     for dx, dy in permuted_offsets(n):
         x, y = np.meshgrid(np.arange(camera.width) + dx, np.arange(camera.height) + dy)
-        _add_samples(rays_of(camera, x, y), frames, sizes, flat, shapes, starts, scene.background, out)
-    return out / n**2
+        rays = np.ascontiguousarray(rays_of(camera, x, y).reshape(-1, 3).T)
+        _add_samples(rays, frames, sizes, textures, scene.background, out)
+    return out.reshape(camera.height, camera.width, channels) / n**2
 
 
 def rays_of(camera: Camera, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -43,37 +39,33 @@ def rays_of(camera: Camera, x: NDArray[np.float64], y: NDArray[np.float64]) -> N
     return np.concatenate([flat[:, 0], np.ones((x.size, 1))], axis=1).reshape(*x.shape, 3)
 
 
-@njit(cache=True, nogil=True)
-def _add_samples(rays, frames, sizes, flat, shapes, starts, background, out):
-    for y in range(out.shape[0]):
-        for x in range(out.shape[1]):
-            best, best_depth, best_u, best_v = -1, np.inf, 0.0, 0.0
-            for k in range(len(frames)):
-                m = frames[k]  # quad from camera
-                dz = m[2, 0] * rays[y, x, 0] + m[2, 1] * rays[y, x, 1] + m[2, 2] * rays[y, x, 2]
-                if dz == 0.0:
-                    continue
-                depth = -m[2, 3] / dz
-                if depth <= 0.0 or depth > best_depth * (1 + 1e-9):
-                    continue
-                px = m[0, 3] + depth * (m[0, 0] * rays[y, x, 0] + m[0, 1] * rays[y, x, 1] + m[0, 2] * rays[y, x, 2])
-                py = m[1, 3] + depth * (m[1, 0] * rays[y, x, 0] + m[1, 1] * rays[y, x, 1] + m[1, 2] * rays[y, x, 2])
-                if abs(px) <= sizes[k, 0] / 2 and abs(py) <= sizes[k, 1] / 2:
-                    best, best_depth = k, depth
-                    best_u, best_v = px / sizes[k, 0] + 0.5, 0.5 - py / sizes[k, 1]
-            for c in range(out.shape[2]):
-                if best < 0:
-                    out[y, x, c] += background
-                elif frames[best][2, 3] < 0.0:
-                    out[y, x, c] += 128.0
-                else:
-                    h, w = shapes[best]
-                    u = min(max(best_u * w - 0.5, 0.0), w - 1.0)
-                    v = min(max(best_v * h - 0.5, 0.0), h - 1.0)
-                    i, j = min(int(u), max(w - 2, 0)), min(int(v), max(h - 2, 0))
-                    i1, j1 = min(i + 1, w - 1), min(j + 1, h - 1)
-                    f, g, s = u - i, v - j, starts[best] + c
-                    n = out.shape[2]
-                    above = (1 - f) * flat[s + (j * w + i) * n] + f * flat[s + (j * w + i1) * n]
-                    below = (1 - f) * flat[s + (j1 * w + i) * n] + f * flat[s + (j1 * w + i1) * n]
-                    out[y, x, c] += (1 - g) * above + g * below
+def _add_samples(rays, frames, sizes, textures, background, out):
+    """Add what one ray a pixel, of (3, n), meets first to (n, channels): of quads in one plane the later one."""
+    best, best_depth, best_uv = np.full(len(out), -1), np.full(len(out), np.inf), np.zeros((2, len(out)))
+    local = np.concatenate([np.zeros((0, 3)), *frames[:, :3, :3]]) @ rays
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for k, (m, size) in enumerate(zip(frames, sizes, strict=True)):  # m: quad from camera
+            x, y, z = local[3 * k : 3 * k + 3]
+            depth = -m[2, 3] / z
+            u, v = (m[0, 3] + depth * x) / size[0] + 0.5, 0.5 - (m[1, 3] + depth * y) / size[1]
+            inside = (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5)
+            nearer = inside & (depth > 0) & (depth <= best_depth * (1 + 1e-9))
+            np.copyto(best, k, where=nearer)
+            np.copyto(best_depth, depth, where=nearer)
+            np.copyto(best_uv, [u, v], where=nearer)
+    out[best < 0] += background
+    for k, texture in enumerate(textures):
+        shown = np.flatnonzero(best == k)
+        out[shown] += 128.0 if frames[k, 2, 3] < 0.0 else _bilinear(texture, *best_uv[:, shown])
+
+
+def _bilinear(texture, u, v):
+    """Return the (n, channels) levels of a texture at (n,) shares of its sides, clamped beyond the outer texels."""
+    height, width, channels = texture.shape
+    u, v = np.clip(u * width - 0.5, 0, width - 1), np.clip(v * height - 0.5, 0, height - 1)
+    i, j = np.minimum(u.astype(int), max(width - 2, 0)), np.minimum(v.astype(int), max(height - 2, 0))
+    f, g = (u - i)[:, None], (v - j)[:, None]
+    texels, here = texture.reshape(-1, channels), j * width + i
+    right, below = int(width > 1), width * int(height > 1)
+    above = (1 - f) * texels[here] + f * texels[here + right]
+    return (1 - g) * above + g * ((1 - f) * texels[here + below] + f * texels[here + below + right])

@@ -1,7 +1,6 @@
 """Light and shadow by brute force: many rays a pixel, each with one to every light; written apart from the renderer."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from peaksim import Camera, Light, Scene
 
@@ -55,29 +54,20 @@ def multiplier(light: Light, positions: Points, normals: Points, blockers: Point
 
 def nearest(origins: Points, rays: Points, triangles: Points) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the (m,) parameter and number of the first triangle on each ray, inf where there is none."""
-    best, number = np.full(len(rays), np.inf), np.zeros(len(rays), np.int64)
+    if len(triangles) == 0:
+        return np.full(len(rays), np.inf), np.zeros(len(rays), np.int64)
     sides = np.roll(triangles, -1, axis=1) - triangles
     normals = np.cross(sides[:, 0], sides[:, 1])
-    planes = np.concatenate([normals[:, None], np.cross(normals[:, None], sides)], axis=1)
-    _find_nearest(np.ascontiguousarray(origins), np.ascontiguousarray(rays), triangles, planes, best, number)
-    return best, number
-
-
-@njit(cache=True)
-def _find_nearest(origins, rays, triangles, planes, best, number):
-    for i in range(len(rays)):
-        for k in range(len(triangles)):
-            slope = height = 0.0
-            for axis in range(3):
-                slope += rays[i, axis] * planes[k, 0, axis]
-                height += (triangles[k, 0, axis] - origins[i, axis]) * planes[k, 0, axis]
-            t = height / slope if slope != 0.0 else np.inf
-            inside = 0.0 < t < best[i]
-            for side in range(3):
-                inward = 0.0
-                for axis in range(3):
-                    position = origins[i, axis] + t * rays[i, axis]
-                    inward += (position - triangles[k, side, axis]) * planes[k, side + 1, axis]
-                inside = inside and inward >= 0.0
-            if inside:
-                best[i], number[i] = t, k
+    # (4, k, 3) planes of a triangle: its own, and those through its sides across it
+    planes = np.stack([normals, *np.moveaxis(np.cross(normals[:, None], sides), 1, 0)])
+    offsets = (planes * triangles[:, [0, 0, 1, 2]].swapaxes(0, 1)).sum(axis=2)
+    heights, slopes = (
+        np.moveaxis(vectors @ planes.reshape(-1, 3).T, 0, 1).reshape(4, -1, len(rays)) for vectors in (origins, rays)
+    )
+    heights -= offsets[:, :, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = -heights[0] / slopes[0]
+        inside = (heights[1:] + t * slopes[1:] >= 0).all(axis=0) & (t > 0)
+    t = np.where(inside, t, np.inf)
+    number = t.argmin(axis=0)
+    return t[number, np.arange(len(rays))], number
