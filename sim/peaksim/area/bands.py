@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.cells import Cells, Rays, count_splits, split_cells, split_rays
-from peaksim.area.cut import MAX_PIECES, cut_mixed
+from peaksim.area.cut import MAX_PIECES, Lists, cut_mixed, new_lists
 from peaksim.area.faces import Faces, FaceViews, faces_of
 from peaksim.area.light import light_owned, light_pieces, pack_lights
 from peaksim.area.light_map import LightMaps, PackedMaps, light_owned_baked, pack_maps
 from peaksim.area.owner import MIXED
 from peaksim.area.piece import add_pieces
-from peaksim.area.polygon import MAX_VERTICES
 from peaksim.area.rays import Solids, solids_of
-from peaksim.area.run import CHUNK, fill_owned
+from peaksim.area.run import fill_owned
 from peaksim.errors import InputError
 from peaksim.scene.scene import Scene
 from peaksim.threads import map_in_threads
@@ -27,7 +26,6 @@ _PIECES = 8192
 """Pieces that are cut before they are added up: 3 MB of memory a thread."""
 
 Levels = NDArray[np.float32]
-Lists = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]
 
 
 class PackedScene(NamedTuple):
@@ -73,10 +71,7 @@ def draw_split(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, 
 
 def draw_band(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
     """Write a band: first the pixels that one face fills, then those that several share."""
-    width, channels = out.shape[1:]
-    memory = np.empty((2, 2, CHUNK + 1)), np.empty((channels, width)), np.full(width, -1)
-    table, texels = packed.faces.table, packed.faces.texels
-    fill_owned(rays, views.sides, views.printed, table, texels, cells.owners, packed.background, *memory, out)
+    fill_owned(rays, views, packed.faces, cells.owners, packed.background, out)
     if packed.is_lit:
         multiply_owned(packed, views, rays, cells.owners, out)
     if (cells.owners == MIXED).any():
@@ -86,12 +81,11 @@ def draw_band(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, o
 def multiply_owned(packed: PackedScene, views: FaceViews, rays: Rays, owners: NDArray[np.int64], out: Levels) -> None:
     """Multiply the pixels of a band that one face fills by the light on them."""
     planes, table, eyes, *lighting, maps, texels = _lighting(packed, views)
-    light = np.ones(out.shape if len(packed.lights) else (0, 0, 0))
+    light = np.ones(out.shape) if len(packed.lights) else np.zeros(out.shape)
     if len(packed.lights):
         light_owned(rays, views.sides, planes, table, eyes, *lighting, owners, light)
     if len(maps):
-        corners = np.empty((2, 2, CHUNK + 1))
-        light_owned_baked(rays, views.sides, planes, table, eyes, maps, texels, owners, corners, light, out)
+        light_owned_baked(rays, views.sides, planes, table, eyes, maps, texels, owners, light, out)
     else:
         out *= light
 
@@ -102,13 +96,8 @@ def draw_mixed(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, 
     lists = new_lists(most)
     first = 0
     while first < cells.owners.size:
-        n, first = cut_mixed(rays, views.sides, *cells, packed.background, first, *lists, out)
+        n, first = cut_mixed(rays, views.sides, cells, packed.background, first, lists, out)
         draw_pieces(packed, views, n, lists, out)
-
-
-def new_lists(most: int) -> Lists:
-    """Return memory for pieces of pixels: `polygons`, `pieces` and `shares` of `cut_mixed`."""
-    return np.empty((most, MAX_VERTICES, 2)), np.empty((most, 4), np.int64), np.empty(most)
 
 
 def draw_pieces(packed: PackedScene, views: FaceViews, n: int, lists: Lists, out: Levels) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.faces import DEPTH, FaceViews
-from peaksim.area.owner import COVERS, MIXED, NOTHING, TILE, find_faces, find_owners
+from peaksim.area.owner import NOTHING, TILE, find_faces, find_owners
 
 PERSPECTIVE = 0.02
 """Where depth varies by more than this share within a pixel, the pixel is split: image area counts, not the face's.
@@ -84,11 +84,9 @@ def faces_in_boxes(
     ranges: NDArray[np.float64], boxes: NDArray[np.float64], found: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> InCells:
     """Return which of the faces found in (t, 6) boxes of directions are not hidden there; see `find_faces`."""
-    found, counts, states = found.copy(), counts.copy(), np.zeros((len(boxes), found.shape[1] + 1), np.int64)
-    find_faces(ranges, boxes, found, states, counts)
-    first = np.concatenate([found, np.full((len(boxes), 1), NOTHING)], axis=1)[:, 0]
-    alone = np.where((counts == 1) & (states[:, 0] == COVERS), first, MIXED)
-    return InCells(found, counts, np.where(counts == 0, NOTHING, alone))
+    found, counts, alone = found.copy(), counts.copy(), np.empty(len(boxes), np.int64)
+    find_faces(ranges, boxes, found, counts, alone)
+    return InCells(found, counts, alone)
 
 
 def tile_boxes(rays: Rays) -> NDArray[np.float64]:

@@ -1,11 +1,14 @@
-"""Kernel: the summed-area tables of textures, in one pass over the texels."""
+"""The summed-area tables of textures, in one pass over the texels."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.kernel import kernel
+from peaksim.native import function
+
+_add_bytes = function("void add_bytes(const u1[height,width,channels] pixels, f8[channels,rows,columns] out)")
+_add_levels = function("void add_levels(const f4[height,width,channels] pixels, f8[channels,rows,columns] out)")
 
 
 def sums_shape(pixels: NDArray[Any]) -> tuple[int, int, int]:
@@ -26,18 +29,5 @@ def write_sums(pixels: NDArray[Any], out: NDArray[np.float64]) -> None:
     out
         (channels, h + 3, w + 3) written.
     """
-    add_texels(pixels.reshape(*pixels.shape[:2], -1), out)
-
-
-@kernel
-def add_texels(pixels, out):
-    """Write the sums of (h, w, channels) pixels to (channels, h + 3, w + 3); see `write_sums`."""
-    height, width, channels = pixels.shape
-    out[:, 0] = 0.0
-    for channel in range(channels):
-        for y in range(height + 2):
-            row, total = min(max(y - 1, 0), height - 1), 0
-            out[channel, y + 1, 0] = 0.0
-            for x in range(width + 2):
-                total += pixels[row, min(max(x - 1, 0), width - 1), channel]
-                out[channel, y + 1, x + 1] = out[channel, y, x + 1] + total
+    add = _add_bytes if pixels.dtype == np.uint8 else _add_levels
+    add(pixels.reshape(*pixels.shape[:2], -1), out)

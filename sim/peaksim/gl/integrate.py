@@ -13,16 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from peaksim.area.bands import (
-    BAND_ROWS,
-    Levels,
-    PackedScene,
-    draw_pieces,
-    draw_split,
-    new_lists,
-    pack_scene,
-    run_in_threads,
-)
+from peaksim.area.bands import BAND_ROWS, Levels, PackedScene, draw_pieces, draw_split, pack_scene, run_in_threads
 from peaksim.area.cells import (
     Cells,
     InCells,
@@ -34,6 +25,7 @@ from peaksim.area.cells import (
     tile_boxes,
     tile_cells,
 )
+from peaksim.area.cut import new_lists
 from peaksim.area.faces import FaceViews, channels_of, distance_range, view_faces
 from peaksim.area.light_map import LightMaps
 from peaksim.area.owner import MIXED, TILE

@@ -201,9 +201,7 @@ def faces_between(solids: "Solids", eye_m: NDArray[np.float64], corners_m: NDArr
     normals, points = _pyramid(eye_m, corners_m)
     offsets = -(normals * points).sum(axis=1)
     slack = 1e-9 * np.linalg.norm(normals, axis=1) * (1 + np.abs(points).max())
-    found = np.empty(len(solids.ids), np.int64)
-    count = list_faces_in(*solids[:2], solids.ids, np.column_stack([normals, offsets + slack]), found)
-    return np.sort(found[:count])
+    return list_faces_in(solids, np.column_stack([normals, offsets + slack]))
 
 
 def _may_be_seen(posed: PosedCamera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:

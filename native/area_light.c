@@ -1,0 +1,217 @@
+/* Serves peaksim/area/light.py: the multiplier of linear grey levels over pixels and pieces, with shadows from meshes.
+
+   What is baked is the mean of a map over the piece. Any other multiplier is computed at the piece's middle; where a
+   mesh comes near the ray from there to the light, samples of the piece tell which share is lit. */
+
+#include "area_light_map.h"
+#include "area_polygon.h"
+#include "area_rays.h"
+
+enum { KIND, INTENSITY, VECTOR, REFERENCE = 5, SHADOWS, LIGHT_COLUMNS };
+enum { AMBIENT, DIRECTIONAL, POINT };
+enum { FEW = 16, MANY = 128 }; /* rays to a light for each triangle of a piece's fan */
+
+#define LIFT_M 1e-5
+
+typedef double LightRow[LIGHT_COLUMNS];
+
+/* Lights, and what casts shadows. */
+typedef struct {
+    const LightRow *lights;
+    int64_t count;
+    Solids solids;
+} Lighting;
+
+/* A polygon on a face, in the face's coordinates. */
+typedef struct {
+    const Vector *plane;
+    const double *face;
+    const double (*polygon)[2];
+    int64_t n;
+} FacePart;
+
+/* A ray to a light. */
+typedef struct {
+    Vector ray;
+    double length, farthest; /* farthest: the ray parameter at which the light is */
+} ToLight;
+
+/* Write the world point (u, v) of a face. */
+static void point_on_face(const Vector *plane, double u, double v, double *point) {
+    for (int k = 0; k < 3; k++) point[k] = plane[0][k] + u * plane[1][k] + v * plane[2][k];
+}
+
+static ToLight ray_to_light(const double *light, const double *point) {
+    ToLight to;
+    const bool is_point = light[KIND] == POINT;
+    double squares = 0.0;
+    for (int k = 0; k < 3; k++) {
+        to.ray[k] = light[VECTOR + k] - (is_point ? point[k] : 0.0);
+        squares += to.ray[k] * to.ray[k];
+    }
+    to.length = sqrt(squares);
+    to.farthest = is_point ? 1.0 : INFINITY;
+    return to;
+}
+
+static double fraction(double a) { return a - floor(a); }
+
+/* How many of some samples of the triangle (0, 0), u, v of a face, from a corner on, a light reaches past the meshes. */
+static int count_reached(FacePart part, const double *first, const double *u, const double *v, const double *lift,
+                         const double *light, Solids solids, int samples) {
+    int reached = 0;
+    for (int sample = 0; sample < samples; sample++) {
+        /* an even sequence in the square (Roberts 2018), folded into the triangle */
+        double a = fraction(0.5 + 0.7548776662466927 * sample), b = fraction(0.5 + 0.5698402909980532 * sample);
+        if (a + b > 1.0) {
+            a = 1.0 - a;
+            b = 1.0 - b;
+        }
+        Vector point;
+        point_on_face(part.plane, first[0] + a * u[0] + b * v[0], first[1] + a * u[1] + b * v[1], point);
+        for (int axis = 0; axis < 3; axis++) point[axis] += lift[axis];
+        const ToLight to = ray_to_light(light, point);
+        reached += !meets_any(solids, point, to.ray, 0.0, to.farthest);
+    }
+    return reached;
+}
+
+/* The share of a polygon that a light reaches past the meshes. */
+static double lit_share(FacePart part, const double *lift, const double *light, Solids solids, int samples) {
+    const double *first = part.polygon[0];
+    double lit = 0.0, whole = 0.0;
+    for (int64_t i = 1; i < part.n - 1; i++) {
+        const double u[2] = {part.polygon[i][0] - first[0], part.polygon[i][1] - first[1]};
+        const double v[2] = {part.polygon[i + 1][0] - first[0], part.polygon[i + 1][1] - first[1]};
+        const double weight = fabs(u[0] * v[1] - v[0] * u[1]);
+        const int reached = count_reached(part, first, u, v, lift, light, solids, samples);
+        whole += weight;
+        lit += weight * ((double)reached / samples);
+    }
+    return whole > 0.0 ? lit / whole : 1.0;
+}
+
+/* The lit share of a polygon from a few samples, and from many where a few do not agree. */
+static double sampled_share(FacePart part, const double *lift, const double *light, Solids solids) {
+    const double share = lit_share(part, lift, light, solids, FEW);
+    return 0.0 < share && share < 1.0 ? lit_share(part, lift, light, solids, MANY) : share;
+}
+
+/* The square of a polygon's radius around a point, m². */
+static double squared_radius(FacePart part, const double *middle) {
+    double radius = 0.0;
+    for (int64_t i = 0; i < part.n; i++) {
+        Vector corner, away;
+        point_on_face(part.plane, part.polygon[i][0], part.polygon[i][1], corner);
+        for (int k = 0; k < 3; k++) away[k] = corner[k] - middle[k];
+        radius = greater(radius, dot(away, away));
+    }
+    return radius;
+}
+
+/* What one light, not an ambient one, adds to the multiplier of a polygon with a middle and a radius. */
+static double light_of(FacePart part, const double *middle, double radius, const double *lift, const double *light,
+                       Solids solids) {
+    const ToLight to = ray_to_light(light, middle);
+    double strength = light[INTENSITY] * greater(dot(lift, to.ray) / (LIFT_M * to.length), 0.0);
+    if (light[KIND] == POINT) {
+        const double falloff = light[REFERENCE] / to.length;
+        strength *= falloff * falloff;
+    }
+    if (strength > 0.0 && light[SHADOWS] > 0.0 && meets_any(solids, middle, to.ray, radius + 2.0 * LIFT_M, to.farthest))
+        strength *= sampled_share(part, lift, light, solids);
+    return strength;
+}
+
+/* The mean multiplier over a polygon that an eye sees. */
+static double mean_light(FacePart part, const double *eye, Lighting lighting) {
+    double u = 0.0, v = 0.0, facing = 0.0, total = 0.0;
+    for (int64_t i = 0; i < part.n; i++) {
+        u += part.polygon[i][0] / (double)part.n;
+        v += part.polygon[i][1] / (double)part.n;
+    }
+    Vector middle, lift;
+    point_on_face(part.plane, u, v, middle);
+    const double radius = sqrt(squared_radius(part, middle));
+    for (int axis = 0; axis < 3; axis++) facing += part.face[NORMAL + axis] * (eye[axis] - middle[axis]);
+    for (int axis = 0; axis < 3; axis++) lift[axis] = part.face[NORMAL + axis] * (facing >= 0.0 ? LIFT_M : -LIFT_M);
+    for (int64_t k = 0; k < lighting.count; k++) {
+        const double *light = lighting.lights[k];
+        total +=
+            light[KIND] == AMBIENT ? light[INTENSITY] : light_of(part, middle, radius, lift, light, lighting.solids);
+    }
+    return total;
+}
+
+/* The mean of a map over the middle of a polygon and the points halfway from there to its corners. */
+static double baked_mean(FacePart part, LightMap map, int64_t channel) {
+    double u = 0.0, v = 0.0;
+    for (int64_t i = 0; i < part.n; i++) {
+        u += part.polygon[i][0] * map.across / (double)part.n;
+        v += part.polygon[i][1] * map.down / (double)part.n;
+    }
+    double total = map_value(map, u, v, channel);
+    for (int64_t i = 0; i < part.n; i++)
+        total += map_value(map, 0.5 * (u + part.polygon[i][0] * map.across), 0.5 * (v + part.polygon[i][1] * map.down),
+                           channel);
+    return total / (double)(part.n + 1);
+}
+
+/* Write the light on the first `count` pieces of a band. */
+EXPORT void light_pieces(const double *planes, int64_t faces, const double *table, const double *eyes, int64_t poses,
+                         const double *lights, int64_t n_lights, const double *boxes, int64_t nodes,
+                         const int64_t *links, const double *solids, int64_t n_solids, const int64_t *maps,
+                         int64_t mapped, const float *texels, int64_t n_texels, int64_t channels, int64_t count,
+                         const double *polygons, int64_t n, const int64_t *pieces, double *light, int64_t lit) {
+    const Lighting lighting = {(const LightRow *)lights,
+                               n_lights,
+                               {(const Box *)boxes, (const Link *)links, (const SolidFace *)solids, n_solids}};
+    (void)faces, (void)nodes, (void)n_texels, (void)n, (void)lit;
+    for (int64_t k = 0; k < count; k++) {
+        const int64_t *piece = pieces + PIECE_COLUMNS * k, face = piece[FACE];
+        const double *eye = eyes + (poses > 1 ? 3 * piece[ROW] : 0), *row = table + TABLE_COLUMNS * face;
+        const Vector *plane = (const Vector *)planes + 3 * face;
+        const FacePart part = {plane, row, ((const Polygon *)polygons)[k], piece[SIZE]};
+        const double plain = mean_light(part, eye, lighting);
+        for (int64_t channel = 0; channel < channels; channel++) {
+            double *sum = light + k * channels + channel;
+            *sum = plain;
+            if (mapped) {
+                const LightMap map = map_of((const FaceMaps *)maps + face, texels, channels, row, plane, eye);
+                *sum += baked_mean(part, map, channel);
+            }
+        }
+    }
+}
+
+/* Write the corners of a pixel in a face's coordinates. */
+static void pixel_on_face(const FaceSides *sides, Rays rays, int64_t y, int64_t x, double (*polygon)[2]) {
+    for (int corner = 0; corner < 4; corner++) {
+        const double *ray = corner_of(rays, y + corner / 2, x + (corner + 1) / 2 % 2), w = dot((*sides)[DEPTH], ray);
+        for (int axis = 0; axis < 2; axis++) polygon[corner][axis] = dot((*sides)[axis], ray) / w;
+    }
+}
+
+/* Write the plain light on all pixels of a band that have an owner; see `light_pieces`. */
+EXPORT void light_owned(const double *rays, int64_t rows, int64_t columns, const double *sides, int64_t poses,
+                        int64_t faces, const double *planes, const double *table, const double *eyes,
+                        const double *lights, int64_t n_lights, const double *boxes, int64_t nodes,
+                        const int64_t *links, const double *solids, int64_t n_solids, const int64_t *owners,
+                        int64_t height, int64_t width, double *light, int64_t channels) {
+    const Rays corners = rays_of(rays, rows, columns);
+    const Views views = {(const FaceSides *)sides, poses, faces};
+    const Lighting lighting = {(const LightRow *)lights,
+                               n_lights,
+                               {(const Box *)boxes, (const Link *)links, (const SolidFace *)solids, n_solids}};
+    double polygon[4][2];
+    (void)nodes;
+    for (int64_t pixel = 0; pixel < height * width; pixel++) {
+        const int64_t y = pixel / width, face = owners[pixel];
+        if (face < 0) continue;
+        pixel_on_face(sides_of(views, y, face), corners, y, pixel % width, polygon);
+        const FacePart part = {(const Vector *)planes + 3 * face, table + TABLE_COLUMNS * face,
+                               (const double (*)[2])polygon, 4};
+        const double mean = mean_light(part, eyes + (poses > 1 ? 3 * y : 0), lighting);
+        for (int64_t channel = 0; channel < channels; channel++) light[pixel * channels + channel] = mean;
+    }
+}

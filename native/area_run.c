@@ -1,0 +1,119 @@
+/* Serves peaksim/area/run.py: runs of pixels that one face fills, each the mean of the texture over its footprint.
+
+   Neighbouring pixels share the line integrals of their edges, so a pixel costs two edges instead of four. */
+
+#include "area_run.h"
+
+#include "area_texture.h"
+
+/* Steps of horizontal and of vertical edges, and the longest side in texels, over a run. */
+typedef struct {
+    int64_t across, down;
+    double reach;
+} Steps;
+
+/* The steps that the first, the middle and the last of n pixels need. */
+static Steps run_steps(Corners corners, int64_t n, double contrast) {
+    Steps steps = {1, 1, 0.0};
+    for (int j = 0; j < 3; j++) {
+        const int64_t k = (n - 1) * j / 2;
+        const double u = corners[1][0][k], v = corners[1][1][k];
+        const double du = corners[1][0][k + 1] - u, dv = corners[1][1][k + 1] - v;
+        const double eu = u - corners[0][0][k], ev = v - corners[0][1][k];
+        const double area = fabs(du * ev - dv * eu);
+        steps.across = most(steps.across, edge_steps(du, dv, area, contrast));
+        steps.down = most(steps.down, edge_steps(eu, ev, area, contrast));
+        steps.reach = greater(steps.reach, greater(greater(fabs(du), fabs(dv)), greater(fabs(eu), fabs(ev))));
+    }
+    return steps;
+}
+
+/* Write the means of n pixels to every `channels`-th of `out`; `shared` holds the integrals of the upper edges if they
+   are known, and receives those of the lower ones. */
+static void integrate_run(Sums sums, Corners corners, int64_t n, Steps steps, bool known, double *shared, float *out,
+                          int64_t channels) {
+    double before = 0.0;
+    for (int64_t k = 0; k < n + 1; k++) {
+        const double u0 = corners[0][0][k], v0 = corners[0][1][k], u3 = corners[1][0][k], v3 = corners[1][1][k];
+        const double after = edge_integral(sums, u0, v0, u3, v3, steps.down);
+        if (k > 0) {
+            const double ua = corners[0][0][k - 1], va = corners[0][1][k - 1];
+            const double ub = corners[1][0][k - 1], vb = corners[1][1][k - 1];
+            const double top = known ? shared[k - 1] : edge_integral(sums, ua, va, u0, v0, steps.across);
+            const double bottom = edge_integral(sums, ub, vb, u3, v3, steps.across);
+            const double area = 0.5 * ((u3 - ua) * (vb - v0) - (v3 - va) * (ub - u0));
+            shared[k - 1] = bottom;
+            const double mean = steps.reach < POINT_TEXELS ? point_mean(sums, 0.5 * (ua + u3), 0.5 * (va + v3))
+                                                           : (top + after - bottom - before) / area;
+            out[(k - 1) * channels] = (float)mean;
+        }
+        before = after;
+    }
+}
+
+/* Write a textured run of n pixels. */
+static void fill_run(const double *face, const double *texels, Corners corners, int64_t n, bool known, double *shared,
+                     int64_t width, float *out, int64_t channels) {
+    const Steps steps = run_steps(corners, n, face[CONTRAST]);
+    for (int64_t channel = 0; channel < channels; channel++) {
+        if (channel == 0 || face[PLANE] > 0.0)
+            integrate_run(sums_of(texels, face, channel), corners, n, steps, known, shared + channel * width,
+                          out + channel, channels);
+        else
+            for (int64_t k = 0; k < n; k++) out[k * channels + channel] = out[k * channels];
+    }
+}
+
+/* Write a run of n pixels of one level for each channel. */
+static void fill_plain(const double *face, double background, int64_t owner, int64_t n, float *out, int64_t channels) {
+    for (int64_t k = 0; k < n; k++)
+        for (int64_t channel = 0; channel < channels; channel++)
+            out[k * channels + channel] = (float)(owner >= 0         ? face[LEVEL + channel]
+                                                  : owner == NOTHING ? background
+                                                                     : 0.0);
+}
+
+/* Where a run from x on ends whose pixels have one owner and whose upper edges are all known, or none. */
+static int64_t known_end(const int64_t *owners, const int64_t *previous, int64_t x, int64_t end) {
+    const bool known = previous[x] == owners[x];
+    int64_t k = x + 1;
+    while (k < end && (previous[k] == owners[x]) == known) ++k;
+    return k;
+}
+
+/* Write a run of pixels from x on in row y, of one owner; return whether `shared` holds its lower edges. */
+static bool write_run(Views views, Rays rays, const bool *printed, const FaceRow *table, const double *texels,
+                      double background, int64_t owner, int64_t y, int64_t x, int64_t n, bool known, double *shared,
+                      float *pixels, int64_t channels) {
+    if (owner < 0 || !printed[(views.poses > 1 ? y : 0) * views.faces + owner]) {
+        fill_plain(owner >= 0 ? table[owner] : 0, background, owner, n, pixels, channels);
+        return false;
+    }
+    Corners corners;
+    footprints(sides_of(views, y, owner), table[owner], rays, y, x, n, corners);
+    fill_run(table[owner], texels, corners, n, known, shared + x, rays.columns - 1, pixels, channels);
+    return true;
+}
+
+/* Write all pixels of a band that have an owner; the others become 0.
+  
+ * Memory: `shared`, and `previous`, initially −1: whose lower edges `shared` holds. */
+EXPORT void fill_owned(const double *rays, int64_t rows, int64_t columns, const double *sides, int64_t poses,
+                       int64_t faces, const bool *printed, const double *table, const double *texels, int64_t n_texels,
+                       const int64_t *owners, int64_t height, int64_t width, double background, double *shared,
+                       int64_t channels, int64_t *previous, float *out) {
+    const Rays corners = rays_of(rays, rows, columns);
+    const Views views = {(const FaceSides *)sides, poses, faces};
+    (void)n_texels;
+    for (int64_t y = 0; y < height; y++) {
+        const int64_t *row = owners + y * width;
+        for (int64_t x = 0, end; x < width; x = end) {
+            const bool known = poses == 1 && previous[x] == row[x];
+            end = run_end(row, x, width);
+            if (poses == 1) end = known_end(row, previous, x, end);
+            const bool shares = write_run(views, corners, printed, (const FaceRow *)table, texels, background, row[x],
+                                          y, x, end - x, known, shared, out + (y * width + x) * channels, channels);
+            for (int64_t k = x; k < end; k++) previous[k] = shares ? row[x] : -1;
+        }
+    }
+}

@@ -1,0 +1,38 @@
+/* Footprints of runs of pixels that one face fills; see peaksim.area.run. */
+
+#ifndef PEAKSIM_AREA_RUN_H
+#define PEAKSIM_AREA_RUN_H
+
+#include "area.h"
+
+enum { CHUNK = 16 }; /* most pixels that share one choice of steps */
+
+/* Texture coordinates u and v of the corners above (0) and below (1) of a run of pixels. */
+typedef double Corners[2][2][CHUNK + 1];
+
+/* How far a footprint may reach beyond the outermost texel, so that what is read lies in the table. */
+#define BORDER_TEXELS 0.49
+
+/* Write the corners of n pixels from x on. */
+static inline void footprints(const FaceSides *sides, const double *face, Rays rays, int64_t y, int64_t x, int64_t n,
+                              Corners corners) {
+    const double *p = (*sides)[0], *q = (*sides)[1], *r = (*sides)[DEPTH];
+    const double end_u = face[EXTENT_P] + BORDER_TEXELS, end_v = face[EXTENT_Q] + BORDER_TEXELS;
+    for (int row = 0; row < 2; row++) {
+        for (int64_t k = 0; k < n + 1; k++) {
+            const double *ray = corner_of(rays, y + row, x + k), w = dot(r, ray);
+            corners[row][0][k] = clamp(dot(p, ray) / w, -BORDER_TEXELS, end_u);
+            corners[row][1][k] = clamp(dot(q, ray) / w, -BORDER_TEXELS, end_v);
+        }
+    }
+}
+
+/* Where a run of pixels from x on ends that have one owner, CHUNK pixels later at most. */
+static inline int64_t run_end(const int64_t *owners, int64_t x, int64_t width) {
+    const int64_t farthest = least(width, x + CHUNK);
+    int64_t end = x + 1;
+    while (end < farthest && owners[end] == owners[x]) ++end;
+    return end;
+}
+
+#endif
