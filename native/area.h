@@ -12,7 +12,8 @@
 /* Rows of `FaceViews.sides`. */
 enum { DEPTH = 4, SIDES = 5 };
 /* Columns of `Faces.table`. */
-enum { START, STRIDE, PLANE, CONTRAST, EXTENT_P, EXTENT_Q, LEVEL, NORMAL = 9, TABLE_COLUMNS = 12 };
+enum { START, STRIDE, PLANE, CONTRAST, EXTENT_P, EXTENT_Q, LEVEL, NORMAL = 9, MAP = 12, SLOPE = 18 };
+enum { IS_SLOPED = 24, IS_QUAD, EXTENT_U, EXTENT_V, TABLE_COLUMNS };
 /* How a face lies to a box of directions, or to a pixel. */
 enum { OUTSIDE, TOUCHES, COVERS };
 /* Owners of a pixel that are no face: only background; several faces or a face's edge; too many. */
@@ -60,6 +61,13 @@ static inline const double *corner_of(Rays rays, int64_t y, int64_t x) { return 
 
 /* Add to a level, rounded once. */
 static inline void add_level(float *level, double more) { *level = (float)(*level + more); }
+
+/* Replace a face's coordinates by those of its texture. */
+static inline void map_to_texels(const double *face, double *p, double *q) {
+    const double *u = face + MAP, *v = u + 3, from_p = *p, from_q = *q;
+    *p = u[0] + u[1] * from_p + u[2] * from_q;
+    *q = v[0] + v[1] * from_p + v[2] * from_q;
+}
 
 static inline double dot(const double *m, const double *d) { return m[0] * d[0] + m[1] * d[1] + m[2] * d[2]; }
 

@@ -180,9 +180,9 @@ static Workspace *new_workspace(int64_t room) {
    write the pixel to continue with if the lists were full, else h·w, and the number of pieces to progress[1]. */
 EXPORT status cut_mixed(const double *rays, int64_t rows, int64_t columns, const double *sides, int64_t poses,
                         int64_t faces, const int64_t *owners, int64_t height, int64_t width, const int64_t *cells,
-                        const int64_t *found, int64_t lists, int64_t room, const int64_t *counts, double background,
-                        int64_t *progress, double *polygons, int64_t n, int64_t *pieces, double *shares, float *out,
-                        int64_t channels) {
+                        const int64_t *found, int64_t lists, int64_t room, const int64_t *counts,
+                        const double *background, int64_t channels, int64_t *progress, double *polygons, int64_t n,
+                        int64_t *pieces, double *shares, float *out) {
     const Rays corners = rays_of(rays, rows, columns);
     const Views views = {(const FaceSides *)sides, poses, faces};
     const Lists made = {(Polygon *)polygons, (Piece *)pieces, shares};
@@ -198,7 +198,8 @@ EXPORT status cut_mixed(const double *rays, int64_t rows, int64_t columns, const
             measure_faces(views, list, counts[cells[pixel]], corners, y, x, work->faces, work->lines);
         double bare = 1.0;
         total = cut_faces(work, reaching, y, x, made, total, &bare);
-        for (int64_t k = 0; k < channels; k++) add_level(out + pixel * channels + k, greater(bare, 0.0) * background);
+        for (int64_t k = pixel * channels; k < (pixel + 1) * channels; k++)
+            add_level(out + k, greater(bare, 0.0) * background[k]);
     }
     progress[0] = pixel;
     progress[1] = total;

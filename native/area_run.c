@@ -51,6 +51,18 @@ static void integrate_run(Sums sums, Corners corners, int64_t n, Steps steps, bo
     }
 }
 
+/* Replace a face's coordinates of the corners of n pixels by those of its texture. */
+static void map_corners(const double *face, Corners corners, int64_t n) {
+    const double end_u = face[EXTENT_U] + BORDER_TEXELS, end_v = face[EXTENT_V] + BORDER_TEXELS;
+    for (int row = 0; row < 2; row++) {
+        for (int64_t k = 0; k < n + 1; k++) {
+            map_to_texels(face, &corners[row][0][k], &corners[row][1][k]);
+            corners[row][0][k] = clamp(corners[row][0][k], -BORDER_TEXELS, end_u);
+            corners[row][1][k] = clamp(corners[row][1][k], -BORDER_TEXELS, end_v);
+        }
+    }
+}
+
 /* Write a textured run of n pixels. */
 static void fill_run(const double *face, const double *texels, Corners corners, int64_t n, bool known, double *shared,
                      int64_t width, float *out, int64_t channels) {
@@ -64,13 +76,31 @@ static void fill_run(const double *face, const double *texels, Corners corners, 
     }
 }
 
-/* Write a run of n pixels of one level for each channel. */
-static void fill_plain(const double *face, double background, int64_t owner, int64_t n, float *out, int64_t channels) {
+/* Write a run of n pixels of one level for each channel, or of the background's. */
+static void fill_plain(const double *face, const double *background, int64_t owner, int64_t n, float *out,
+                       int64_t channels) {
     for (int64_t k = 0; k < n; k++)
         for (int64_t channel = 0; channel < channels; channel++)
             out[k * channels + channel] = (float)(owner >= 0         ? face[LEVEL + channel]
-                                                  : owner == NOTHING ? background
+                                                  : owner == NOTHING ? background[k * channels + channel]
                                                                      : 0.0);
+}
+
+/* Write a run of n pixels of a face whose levels are linear in its coordinates: those at the middle of each. */
+static void fill_sloped(const FaceSides *sides, const double *face, Rays rays, int64_t y, int64_t x, int64_t n,
+                        float *out, int64_t channels) {
+    for (int64_t k = 0; k < n; k++) {
+        Vector ray = {0.0, 0.0, 0.0};
+        for (int corner = 0; corner < 4; corner++) {
+            const double *to = corner_of(rays, y + corner / 2, x + k + corner % 2);
+            for (int axis = 0; axis < 3; axis++) ray[axis] += to[axis];
+        }
+        const double w = dot((*sides)[DEPTH], ray), p = dot((*sides)[0], ray) / w, q = dot((*sides)[1], ray) / w;
+        for (int64_t channel = 0; channel < channels; channel++) {
+            const double *slope = face + SLOPE + 2 * channel;
+            out[k * channels + channel] = (float)(face[LEVEL + channel] + slope[0] * p + slope[1] * q);
+        }
+    }
 }
 
 /* Where a run from x on ends whose pixels have one owner and whose upper edges are all known, or none. */
@@ -83,14 +113,18 @@ static int64_t known_end(const int64_t *owners, const int64_t *previous, int64_t
 
 /* Write a run of pixels from x on in row y, of one owner; return whether `shared` holds its lower edges. */
 static bool write_run(Views views, Rays rays, const bool *printed, const FaceRow *table, const double *texels,
-                      double background, int64_t owner, int64_t y, int64_t x, int64_t n, bool known, double *shared,
-                      float *pixels, int64_t channels) {
+                      const double *background, int64_t owner, int64_t y, int64_t x, int64_t n, bool known,
+                      double *shared, float *pixels, int64_t channels) {
     if (owner < 0 || !printed[(views.poses > 1 ? y : 0) * views.faces + owner]) {
-        fill_plain(owner >= 0 ? table[owner] : 0, background, owner, n, pixels, channels);
+        if (owner >= 0 && table[owner][IS_SLOPED] > 0.0)
+            fill_sloped(sides_of(views, y, owner), table[owner], rays, y, x, n, pixels, channels);
+        else
+            fill_plain(owner >= 0 ? table[owner] : 0, background, owner, n, pixels, channels);
         return false;
     }
     Corners corners;
     footprints(sides_of(views, y, owner), table[owner], rays, y, x, n, corners);
+    map_corners(table[owner], corners, n);
     fill_run(table[owner], texels, corners, n, known, shared + x, rays.columns - 1, pixels, channels);
     return true;
 }
@@ -100,8 +134,8 @@ static bool write_run(Views views, Rays rays, const bool *printed, const FaceRow
  * Memory: `shared`, and `previous`, initially −1: whose lower edges `shared` holds. */
 EXPORT void fill_owned(const double *rays, int64_t rows, int64_t columns, const double *sides, int64_t poses,
                        int64_t faces, const bool *printed, const double *table, const double *texels, int64_t n_texels,
-                       const int64_t *owners, int64_t height, int64_t width, double background, double *shared,
-                       int64_t channels, int64_t *previous, float *out) {
+                       const int64_t *owners, int64_t height, int64_t width, const double *background,
+                       int64_t channels, double *shared, int64_t *previous, float *out) {
     const Rays corners = rays_of(rays, rows, columns);
     const Views views = {(const FaceSides *)sides, poses, faces};
     (void)n_texels;
@@ -111,8 +145,9 @@ EXPORT void fill_owned(const double *rays, int64_t rows, int64_t columns, const 
             const bool known = poses == 1 && previous[x] == row[x];
             end = run_end(row, x, width);
             if (poses == 1) end = known_end(row, previous, x, end);
-            const bool shares = write_run(views, corners, printed, (const FaceRow *)table, texels, background, row[x],
-                                          y, x, end - x, known, shared, out + (y * width + x) * channels, channels);
+            const int64_t first = (y * width + x) * channels;
+            const bool shares = write_run(views, corners, printed, (const FaceRow *)table, texels, background + first,
+                                          row[x], y, x, end - x, known, shared, out + first, channels);
             for (int64_t k = x; k < end; k++) previous[k] = shares ? row[x] : -1;
         }
     }

@@ -130,9 +130,9 @@ static int64_t number_at(Shown shown, double row, double column) {
 /* List the parts of `count` CROWDED pixels, and add background where none is shown; return their number. */
 EXPORT int64_t cut_crowded(const double *rays, int64_t corner_rows, int64_t corner_columns, const double *sides,
                            int64_t poses, int64_t faces, const uint32_t *numbers, int64_t rows, int64_t columns,
-                           const double *positions, const int64_t *pixels, int64_t count, double background,
-                           double *polygons, int64_t n, int64_t *pieces, double *shares, float *out, int64_t height,
-                           int64_t width, int64_t channels) {
+                           const double *positions, const int64_t *pixels, int64_t count,
+                           const double *background, int64_t height, int64_t width, int64_t channels, double *polygons,
+                           int64_t n, int64_t *pieces, double *shares, float *out) {
     const Rays corners = rays_of(rays, corner_rows, corner_columns),
                samples = rays_of(positions, corner_rows, corner_columns);
     const Shown shown = {numbers, rows, columns, 0};
@@ -145,8 +145,8 @@ EXPORT int64_t cut_crowded(const double *rays, int64_t corner_rows, int64_t corn
         between_corners(samples, y, x, left + 0.5 / SAMPLES, top + 0.5 / SAMPLES, middle);
         const int64_t face = number_at(shown, middle[1], middle[0]);
         if (face < 0) {
-            for (int64_t channel = 0; channel < channels; channel++)
-                add_level(out + (y * width + x) * channels + channel, background / (SAMPLES * SAMPLES));
+            for (int64_t i = (y * width + x) * channels; i < (y * width + x + 1) * channels; i++)
+                add_level(out + i, background[i] / (SAMPLES * SAMPLES));
             continue;
         }
         const Piece made = {y, x, face, 4};

@@ -49,16 +49,52 @@ def read_image(
         One line that names the file: it is missing, not an image, damaged, truncated, too large, or its grey levels
         have no known range (integers of 32 bits, floating point outside 0…1).
     """
-    path = name or source
+    with _one_line(name or source, largest, unit), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of metadata, and of sizes: our own limit is the lower one
+        # a path would be mapped into memory, where Pillow (13.0) takes a rotated TIFF's width for its height
+        with _opened(source) as file, Image.open(file, formats=FORMATS) as image:
+            return _checked_array(image, is_upright, largest, unit)
+
+
+def check_is_image(path: Path) -> None:
+    """Refuse a file that is no image of a format that is read, before anything is decoded.
+
+    Raises
+    ------
+    ImageError
+        As `read_image`.
+    """
+    with _one_line(path, MAX_PIXELS, "pixels"), path.open("rb") as file, Image.open(file, formats=FORMATS):
+        pass
+
+
+def from_pillow(image: Any, name: str, largest: int = MAX_PIXELS, unit: str = "texels") -> NDArray[Any]:
+    """Return an image that another library has opened with Pillow, as `read_image`; it need not be decoded yet.
+
+    Raises
+    ------
+    ImageError
+        As `read_image`; the message starts with `name`.
+    """
+    with _one_line(name, largest, unit), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if image.format not in (None, *FORMATS):
+            raise ImageError(f"expected an image ({', '.join(FORMATS)}), got {image.format}")
+        return _checked_array(image, True, largest, unit)
+
+
+def _checked_array(image: Any, is_upright: bool, largest: int, unit: str) -> NDArray[Any]:
+    width, height = image.size
+    if width * height > largest:
+        raise ImageError(f"expected at most {largest} {unit}, got {width}×{height}")
+    return _as_array(image, is_upright)
+
+
+@contextmanager
+def _one_line(path: str | Path | BinaryIO, largest: int, unit: str) -> Iterator[None]:
+    """Turn whatever Pillow raises into one line that names the file."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of metadata, and of sizes: our own limit is the lower one
-            # a path would be mapped into memory, where Pillow (13.0) takes a rotated TIFF's width for its height
-            with _opened(source) as file, Image.open(file, formats=FORMATS) as image:
-                width, height = image.size
-                if width * height > largest:
-                    raise ImageError(f"expected at most {largest} {unit}, got {width}×{height}")
-                return _as_array(image, is_upright)
+        yield
     except ImageError as error:
         raise ImageError(f"{path}: {error}") from error
     except UnidentifiedImageError as error:

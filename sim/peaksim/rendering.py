@@ -1,9 +1,8 @@
 """render: one call, three renderers; image and truth come from the same posed camera."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache, lru_cache, partial
+from functools import lru_cache, partial
 from time import perf_counter
 from typing import Literal, get_args
 
@@ -21,6 +20,7 @@ from peaksim.errors import SceneError
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
 from peaksim.gl.context import why_not
+from peaksim.notices import notice_once
 from peaksim.scene.needs import is_bakeable, left_out
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
@@ -137,13 +137,8 @@ def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:
     reason = why_not()
     if reason is None:
         return "gl"
-    _warn_once(f"{reason}; drawing with the exact renderer, which needs no OpenGL")
+    notice_once(f"{reason}; drawing with the exact renderer, which needs no OpenGL")
     return "exact"
-
-
-@cache
-def _warn_once(message: str) -> None:
-    print(f"peaksim: {message}", file=sys.stderr)
 
 
 def draw_levels(
@@ -160,7 +155,7 @@ def draw_levels(
         else:
             why = f", which {reason}"
     if needs:
-        _warn_once(f'the {renderer} renderer leaves out {", ".join(needs)}; renderer "traced" draws them{why}')
+        notice_once(f'the {renderer} renderer leaves out {", ".join(needs)}; renderer "traced" draws them{why}')
     moments = posed.moments(count_moments(scene, posed)) if posed.is_blurred else (posed,)
     images = (_draw_sharp(scene, moment, renderer, maps) for moment in moments)
     linear = next(images) / np.float32(len(moments)) if len(moments) > 1 else next(images)
@@ -180,7 +175,7 @@ def _baked(scene: Scene) -> tuple[Scene, LightMaps]:
     if not was_there:
         size = f"{len(maps.texels)} texels of {100 * maps.texel_m:.2g} cm in {perf_counter() - start:.0f} s"
         errors = f"noise {maps.noise:.2g}, detail {maps.detail:.2g} grey levels on white"
-        _warn_once(f"baked the light of the scene: {size}; {errors}")
+        notice_once(f"baked the light of the scene: {size}; {errors}")
     return traced.lit_scene(scene), maps
 
 

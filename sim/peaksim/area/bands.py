@@ -16,6 +16,7 @@ from peaksim.area.owner import MIXED
 from peaksim.area.piece import add_pieces
 from peaksim.area.rays import Solids, solids_of
 from peaksim.area.run import fill_owned
+from peaksim.area.sky import Sky, sky_levels, sky_of
 from peaksim.errors import InputError
 from peaksim.scene.scene import Scene
 from peaksim.threads import map_in_threads
@@ -37,8 +38,8 @@ class PackedScene(NamedTuple):
     """Table of lights, (0, 7) if surfaces are shown as printed."""
     solids: Solids
     """The meshes, which cast shadows."""
-    background: float
-    """Grey level where nothing is."""
+    sky: Sky
+    """What is shown where nothing is."""
     maps: PackedMaps
     """Baked light."""
 
@@ -51,7 +52,8 @@ class PackedScene(NamedTuple):
 def pack_scene(scene: Scene, maps: LightMaps | None = None) -> PackedScene:
     """Return a scene and the light baked for it as tables for the kernels."""
     lights, solids = pack_lights(scene.plain_lights), solids_of(scene, quads=False)
-    return PackedScene(faces_of(scene), lights, solids, float(scene.background), pack_maps(maps))
+    sky = sky_of(scene, is_baked=maps is not None)
+    return PackedScene(faces_of(scene), lights, solids, sky, pack_maps(maps))
 
 
 def draw_split(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
@@ -63,7 +65,9 @@ def draw_split(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, 
     fine = split_rays(rays, across, down)
     if len(views.sides) > 1:
         sides, printed = np.repeat(views.sides, down, axis=0), np.repeat(views.printed, down, axis=0)
-        views = FaceViews(sides, printed, views.least, np.repeat(views.eyes, down, axis=0))
+        views = FaceViews(
+            sides, printed, views.least, np.repeat(views.eyes, down, axis=0), np.repeat(views.rotations, down, axis=0)
+        )
     parts = np.empty((len(fine) - 1, fine.shape[1] - 1, out.shape[2]), dtype=np.float32)
     draw_band(packed, views, fine, split_cells(cells, across, down), parts)
     out[:] = parts.reshape(out.shape[0], down, out.shape[1], across, out.shape[2]).mean(axis=(1, 3))
@@ -71,11 +75,12 @@ def draw_split(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, 
 
 def draw_band(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
     """Write a band: first the pixels that one face fills, then those that several share."""
-    fill_owned(rays, views, packed.faces, cells.owners, packed.background, out)
+    background = sky_levels(packed.sky, rays, views.rotations, out.shape[2])
+    fill_owned(rays, views, packed.faces, cells.owners, background, out)
     if packed.is_lit:
         multiply_owned(packed, views, rays, cells.owners, out)
     if (cells.owners == MIXED).any():
-        draw_mixed(packed, views, rays, cells, out)
+        draw_mixed(packed, views, rays, cells, background, out)
 
 
 def multiply_owned(packed: PackedScene, views: FaceViews, rays: Rays, owners: NDArray[np.int64], out: Levels) -> None:
@@ -90,13 +95,15 @@ def multiply_owned(packed: PackedScene, views: FaceViews, rays: Rays, owners: ND
         out *= light
 
 
-def draw_mixed(packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, out: Levels) -> None:
+def draw_mixed(
+    packed: PackedScene, views: FaceViews, rays: Rays, cells: Cells, background: NDArray[np.float64], out: Levels
+) -> None:
     """Write the pixels of a band that several faces share."""
     most = max(_PIECES, int(cells.counts.max()) * MAX_PIECES)
     lists = new_lists(most)
     first = 0
     while first < cells.owners.size:
-        n, first = cut_mixed(rays, views.sides, cells, packed.background, first, lists, out)
+        n, first = cut_mixed(rays, views.sides, cells, background, first, lists, out)
         draw_pieces(packed, views, n, lists, out)
 
 

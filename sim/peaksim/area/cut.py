@@ -19,7 +19,8 @@ and its share of the pixel."""
 
 _cut_mixed = function(
     "status cut_mixed(const f8[rows,columns,3] rays, const f8[poses,faces,5,3] sides, const i8[height,width] owners, "
-    "const i8[height,width] cells, const i8[lists,room] found, const i8[lists] counts, f8 background, i8[2] progress, "
+    "const i8[height,width] cells, const i8[lists,room] found, const i8[lists] counts, "
+    "const f8[height,width,channels] background, i8[2] progress, "
     "f8[n,24,2] polygons, i8[n,4] pieces, f8[n] shares, f4[height,width,channels] out)"
 )
 
@@ -33,7 +34,7 @@ def cut_mixed(
     rays: Rays,
     sides: NDArray[np.float64],
     cells: Cells,
-    background: float,
+    background: NDArray[np.float64],
     first: int,
     lists: Lists,
     out: NDArray[np.float32],
@@ -47,7 +48,7 @@ def cut_mixed(
     cells
         Which faces share each pixel.
     background
-        Level where nothing is.
+        (h, w, channels) levels where nothing is.
     first
         Row-major number of the pixel to begin with.
     lists

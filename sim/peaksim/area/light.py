@@ -29,7 +29,7 @@ def _row(light: Light) -> list[float]:
 
 
 light_pieces = function(
-    "void light_pieces(const f8[faces,3,3] planes, const f8[faces,12] table, const f8[poses,3] eyes, "
+    "void light_pieces(const f8[faces,3,3] planes, const f8[faces,28] table, const f8[poses,3] eyes, "
     "const f8[n_lights,7] lights, const f8[nodes,6] boxes, const i8[nodes,2] links, const f8[n_solids,10] solids, "
     "const i8[mapped,2,3] maps, const f4[n_texels,channels] texels, i8 count, const f8[n,24,2] polygons, "
     "const i8[n,4] pieces, f8[lit,channels] light)"
@@ -53,7 +53,7 @@ light
 """
 light_owned = function(
     "void light_owned(const f8[rows,columns,3] rays, const f8[poses,faces,5,3] sides, const f8[faces,3,3] planes, "
-    "const f8[faces,12] table, const f8[poses,3] eyes, const f8[n_lights,7] lights, const f8[nodes,6] boxes, "
+    "const f8[faces,28] table, const f8[poses,3] eyes, const f8[n_lights,7] lights, const f8[nodes,6] boxes, "
     "const i8[nodes,2] links, const f8[n_solids,10] solids, const i8[height,width] owners, "
     "f8[height,width,channels] light)"
 )

@@ -59,7 +59,7 @@ def split_maps(shapes: NDArray[np.int64], values: NDArray[np.float32]) -> list[N
 
 light_owned_baked = function(
     "void light_owned_baked(const f8[rows,columns,3] rays, const f8[poses,faces,5,3] sides, "
-    "const f8[faces,3,3] planes, const f8[faces,12] table, const f8[poses,3] eyes, const i8[faces,2,3] maps, "
+    "const f8[faces,3,3] planes, const f8[faces,28] table, const f8[poses,3] eyes, const i8[faces,2,3] maps, "
     "const f4[n_texels,channels] texels, const i8[height,width] owners, const f8[height,width,channels] light, "
     "f4[height,width,channels] out)"
 )

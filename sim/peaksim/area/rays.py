@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.faces import triangles_m
+from peaksim.area.faces import panels_m, triangles_m
 from peaksim.native import function
 from peaksim.scene.scene import Mesh, Quad, Scene
 
@@ -33,7 +33,7 @@ class Solids(NamedTuple):
     faces: NDArray[np.float64]
     """(f, 10) first corner, first side, second side, 1 for parallelograms and 0 for triangles."""
     ids: NDArray[np.int64]
-    """(f,) number of the face in the scene: quads, then triangles in mesh order."""
+    """(f,) number of the face in the scene: panels of quads, then triangles in mesh order."""
 
 
 def solids_of(scene: Scene, *, quads: bool) -> Solids:
@@ -44,7 +44,7 @@ def solids_of(scene: Scene, *, quads: bool) -> Solids:
 @lru_cache(maxsize=2)
 def _solids(quads: tuple[Quad, ...], meshes: tuple[Mesh, ...], with_quads: bool) -> Solids:
     """Return the tree; frames of one scene share it, whatever their lights."""
-    squares = np.array([quad.corners_m[[0, 1, 3]] for quad in quads]).reshape(-1, 3, 3)
+    squares = panels_m(quads)[:, [0, 1, 3]]
     corners = np.concatenate([squares, triangles_m(meshes)])
     ids = np.arange(len(corners))
     keep = ids >= (0 if with_quads else len(squares))

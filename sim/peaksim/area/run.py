@@ -8,7 +8,8 @@ from peaksim.native import function
 
 _fill_owned = function(
     "void fill_owned(const f8[rows,columns,3] rays, const f8[poses,faces,5,3] sides, const b1[poses,faces] printed, "
-    "const f8[faces,12] table, const f8[n_texels] texels, const i8[height,width] owners, f8 background, "
+    "const f8[faces,28] table, const f8[n_texels] texels, const i8[height,width] owners, "
+    "const f8[height,width,channels] background, "
     "f8[channels,width] shared, i8[width] previous, f4[height,width,channels] out)"
 )
 
@@ -18,7 +19,7 @@ def fill_owned(
     views: FaceViews,
     faces: Faces,
     owners: NDArray[np.int64],
-    background: float,
+    background: NDArray[np.float64],
     out: NDArray[np.float32],
 ) -> None:
     """Write all pixels of a band that have an owner; the others become 0.
@@ -32,7 +33,7 @@ def fill_owned(
     owners
         (h, w) face, NOTHING or MIXED.
     background
-        Level of NOTHING.
+        (h, w, channels) levels of NOTHING.
     out
         (h, w, channels) written.
     """

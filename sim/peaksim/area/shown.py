@@ -59,7 +59,8 @@ cells
 cut_crowded = function(
     "i8 cut_crowded(const f8[corner_rows,corner_columns,3] rays, const f8[poses,faces,5,3] sides, "
     "const u4[rows,columns] numbers, const f8[corner_rows,corner_columns,3] positions, const i8[count,2] pixels, "
-    "f8 background, f8[n,24,2] polygons, i8[n,4] pieces, f8[n] shares, f4[height,width,channels] out)"
+    "const f8[height,width,channels] background, f8[n,24,2] polygons, i8[n,4] pieces, f8[n] shares, "
+    "f4[height,width,channels] out)"
 )
 """List the parts of CROWDED pixels, and add background where none is shown; return their number.
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.faces import triangles_m
+from peaksim.area.faces import panels_m, triangles_m
 from peaksim.area.shown import NUMBER_BITS
 from peaksim.errors import RendererError, SceneError
 from peaksim.geometry.pose import Pose
@@ -95,7 +95,7 @@ def draw_numbers(
 def _drawn(scene: Scene) -> Any:
     """Return the scene for pyrender: one mesh with numbers for colours, so that the order of drawing never varies."""
     pyrender = _pyrender()
-    squares = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
+    squares = panels_m(scene.quads)
     triangles = triangles_m(scene.meshes)
     total = len(squares) + len(triangles)
     if total >= NUMBER_BITS:

@@ -26,15 +26,17 @@ from peaksim.area.cells import (
     tile_cells,
 )
 from peaksim.area.cut import new_lists
-from peaksim.area.faces import FaceViews, channels_of, distance_range, view_faces
+from peaksim.area.faces import FaceViews, channels_of, distance_range, panels_m, view_faces
+from peaksim.area.integrate import integrate as integrate_sky
 from peaksim.area.light_map import LightMaps
 from peaksim.area.owner import MIXED, TILE
 from peaksim.area.shown import CROWDED, MOST_FACES, SAMPLES, cut_crowded, list_in_pixels, list_in_tiles
+from peaksim.area.sky import sky_levels
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose
 from peaksim.gl.context import draw_numbers, gl_renderer, is_available
 from peaksim.gl.tiles import split_into_tiles, window_of
-from peaksim.scene.scene import Quad, Scene
+from peaksim.scene.scene import Scene
 
 __all__ = ["gl_renderer", "integrate", "is_available"]
 
@@ -56,9 +58,9 @@ def integrate(scene: Scene, camera: Camera, world_from_camera: Pose, maps: Light
     """
     packed = pack_scene(scene, maps)
     views = view_faces(packed.faces, world_from_camera[None])
-    out = np.full((camera.height, camera.width, channels_of(scene)), scene.background, dtype=np.float32)
     if not len(packed.faces.planes):
-        return out
+        return integrate_sky(scene, camera, world_from_camera[None], maps)
+    out = np.empty((camera.height, camera.width, channels_of(scene)), dtype=np.float32)
     nearest, farthest = distance_range(packed.faces, views.eyes[0])
     groups = touching_groups(scene)
     for tile in split_into_tiles(camera):
@@ -73,36 +75,44 @@ def integrate(scene: Scene, camera: Camera, world_from_camera: Pose, maps: Light
 
 @lru_cache(maxsize=1)
 def touching_groups(scene: Scene) -> NDArray[np.int64]:
-    """Return (f,) numbers: faces with the same one ≥ 0 are quads that lie on each other; −1 for all others."""
-    corners = np.array([quad.corners_m for quad in scene.quads]).reshape(-1, 4, 3)
+    """Return (f,) numbers: faces with the same one ≥ 0 are panels that lie on each other; −1 for all others."""
+    corners = panels_m(scene.quads)
     groups = np.full(len(corners) + sum(len(mesh.faces) for mesh in scene.meshes), -1)
     if len(corners):
-        pairs = _touching_pairs(scene.quads, corners)
+        pairs = _touching_pairs(corners)
         links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(corners), len(corners)))
         _, labels = connected_components(links)
         groups[: len(corners)] = np.where(np.bincount(labels)[labels] > 1, labels, -1)
     return groups
 
 
-def _touching_pairs(quads: tuple[Quad, ...], corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return (p, 2) quads of which the second lies in the plane of the first, within TOUCH_M, and may share its area.
+def _touching_pairs(corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return (p, 2) rectangles: the second lies in the plane of the first, within TOUCH_M, and may share its area.
 
-    Quads that touch are no farther apart than twice the larger one's radius, and a tree finds those.
+    Those that touch are no farther apart than twice the larger one's radius, and a tree finds them.
     """
     middles = corners_m.mean(axis=1)
     radii = np.linalg.norm(corners_m[:, 0] - middles, axis=1)
     near = cKDTree(middles).query_ball_point(middles, 2 * radii + 2 * TOUCH_M)
-    first = np.repeat(np.arange(len(quads)), [len(found) for found in near])
+    first = np.repeat(np.arange(len(corners_m)), [len(found) for found in near])
     second = np.concatenate([np.asarray(found, dtype=np.intp) for found in near])
     first, second = first[radii[second] <= radii[first]], second[radii[second] <= radii[first]]
     a, b = np.concatenate([first, second]), np.concatenate([second, first])
-    poses, sizes = np.array([q.world_from_quad for q in quads]), np.array([q.size_m for q in quads])
-    local = (corners_m[b] - poses[a, None, :3, 3]) @ poses[a, :3, :3]
+    rotations, sizes = rectangle_frames(corners_m)
+    local = (corners_m[b] - middles[a, None]) @ rotations[a]
     flush = np.abs(local[:, :, 2]).max(axis=1) <= TOUCH_M
     low, high = local[:, :, :2].min(axis=1), local[:, :, :2].max(axis=1)
     reach = sizes[a] / 2 - TOUCH_M
     touches = flush & (low < reach).all(axis=1) & (high > -reach).all(axis=1)
     return np.stack([a[touches], b[touches]], axis=1)
+
+
+def rectangle_frames(corners_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the (n, 3, 3) world_from_rectangle rotations and (n, 2) sizes, m, of (n, 4, 3) rectangles."""
+    sides = np.stack([corners_m[:, 1] - corners_m[:, 0], corners_m[:, 0] - corners_m[:, 3]], axis=2)
+    sizes = np.linalg.norm(sides, axis=1)
+    x, y = np.moveaxis(sides / sizes[:, None], 2, 0)
+    return np.stack([x, y, np.cross(x, y)], axis=2), sizes
 
 
 class Shown(NamedTuple):
@@ -170,7 +180,8 @@ def draw_crowded(
 ) -> None:
     """Add the (n, 2) pixels of a band, row and column, that show too many faces."""
     lists = new_lists(_CROWDED_AT_ONCE * SAMPLES**2)
+    background = sky_levels(packed.sky, rays, views.rotations, out.shape[2])
     for first in range(0, len(pixels), _CROWDED_AT_ONCE):
         some = pixels[first : first + _CROWDED_AT_ONCE]
-        n = cut_crowded(rays, views.sides, numbers, positions, some, packed.background, *lists, out)
+        n = cut_crowded(rays, views.sides, numbers, positions, some, background, *lists, out)
         draw_pieces(packed, views, n, lists, out)

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from peaksim.errors import SceneError
 
 WHITE = 255.0
+LUMA = np.array([[0.2126], [0.7152], [0.0722]])
+"""Grey of RGB, both linear (Rec. 709)."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,12 @@ class Material:
 
 PRINT = Material()
 """The default: what is printed is what shows."""
+
+
+def srgb_from_linear(values: ArrayLike) -> NDArray[np.float64]:
+    """Return the sRGB values of linear shares, both 0…1 (IEC 61966-2-1)."""
+    linear = np.asarray(values, dtype=np.float64)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)
 
 
 def linear_from_srgb(values: ArrayLike) -> NDArray[np.float64]:

@@ -3,15 +3,20 @@
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rigid
+from peaksim.notices import notice_once
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import PRINT, Material
+from peaksim.scene.mesh_file import Up, read_mesh
+from peaksim.scene.skin import Skin
 from peaksim.scene.texture import Texture
 
 _Kind = TypeVar("_Kind")
@@ -77,6 +82,11 @@ class Quad:
         """(4, 3) world corners: top-left, top-right, bottom-right, bottom-left as seen upright."""
         return rectangle_m(self, (0.0, 0.0), self.size_m)
 
+    @cached_property
+    def panels_m(self) -> NDArray[np.float64]:
+        """(n, 4, 3) world corners of the flat rectangles that it is drawn as, from the left, each as `corners_m`."""
+        return self.corners_m[None]
+
 
 def rectangle_m(quad: Quad, center_m: tuple[float, float], size_m: tuple[float, float]) -> NDArray[np.float64]:
     """Return the (4, 3) world corners of a rectangle in the quad's plane, from top-left clockwise."""
@@ -88,7 +98,7 @@ def rectangle_m(quad: Quad, center_m: tuple[float, float], size_m: tuple[float, 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh of one colour; both faces are seen."""
+    """A triangle mesh of one colour or with a skin; both sides of its faces are seen."""
 
     name: str
     """Unique name in the scene."""
@@ -101,7 +111,9 @@ class Mesh:
     color: tuple[float, float, float] = (128.0, 128.0, 128.0)
     """Linear grey levels 0…255, RGB, before lighting."""
     material: Material = PRINT
-    """Of both faces."""
+    """Of both sides."""
+    skin: Skin | None = None
+    """Images and colours of its faces, in place of `color`."""
 
     def __post_init__(self) -> None:
         name = f"mesh {self.name!r}"
@@ -117,10 +129,63 @@ class Mesh:
             raise SceneError(
                 f"mesh {self.name!r}: faces: expected indices in 0…{len(vertices) - 1}, got {faces.min()}…{faces.max()}"
             )
+        if self.skin is not None:
+            object.__setattr__(self, "skin", self.skin.checked(len(faces), name))
         object.__setattr__(self, "color", tuple(color.tolist()))
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "world_from_mesh", rigid(self.world_from_mesh, f"mesh {self.name!r}: pose"))
+
+    @staticmethod
+    def from_file(
+        path: str | Path,
+        name: str | None = None,
+        *,
+        scale: float = 1.0,
+        world_from_mesh: ArrayLike | None = None,
+        material: Material = PRINT,
+        color: tuple[float, float, float] = (128.0, 128.0, 128.0),
+        up: Up | None = None,
+    ) -> "Mesh":
+        """Read a mesh with its images and colours from a glTF, GLB, OBJ, PLY or STL file.
+
+        What is dropped or left out, such as faces without area and transparency, is said in one line on stderr.
+
+        Parameters
+        ----------
+        path
+            The file; others that it names must lie in or below its folder.
+        name
+            Unique name in the scene; by default that of the file, without its ending.
+        scale
+            Metres a unit of the file, > 0; glTF states metres, the others state nothing.
+        world_from_mesh
+            (4, 4) pose of the file's origin, by default the world's.
+        material
+            Of both sides: how the file's levels, which are coded as in images, become reflectance.
+        color
+            Linear grey levels 0…255, RGB, of faces for which the file states neither image nor colour.
+        up
+            The file's axis that becomes z: "y" (the default for glTF) or "z" (for all others).
+
+        Raises
+        ------
+        SceneError, ImageError
+            One line that names the file, what was expected and what came.
+        """
+        if not (isinstance(scale, int | float) and 0 < scale < np.inf):
+            raise SceneError(f"{path}: scale: expected a positive number, got {scale!r}")
+        found = read_mesh(path, up, color)
+        if found.remarks:
+            notice_once(f"{path}: left out {', '.join(found.remarks)}")
+        vertices, faces = found.corners.reshape(-1, 3) * scale, np.arange(3 * len(found.corners)).reshape(-1, 3)
+        pose = np.eye(4) if world_from_mesh is None else rigid(world_from_mesh, f"{path}: pose")
+        return Mesh(name or Path(path).stem, vertices, faces, pose, color, material, found.skin)
+
+    @property
+    def is_colored(self) -> bool:
+        """Whether it shows anything but grey."""
+        return len(set(self.color)) > 1 or (self.skin is not None and self.skin.is_colored)
 
     @property
     def triangles_m(self) -> NDArray[np.float64]:

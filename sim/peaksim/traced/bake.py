@@ -14,7 +14,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.faces import EXTENT_P, EXTENT_Q, NORMAL, Faces, channels_of, faces_of, triangles_m, unit_normals
+from peaksim.area.faces import (
+    EXTENT_P,
+    EXTENT_Q,
+    NORMAL,
+    Faces,
+    channels_of,
+    faces_of,
+    panel_counts,
+    panels_m,
+    triangles_m,
+    unit_normals,
+)
 from peaksim.area.light_map import LightMaps, split_maps
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import WHITE
@@ -110,7 +121,7 @@ def bake_light(scene: Scene, texel_m: float = TEXEL_M, seed: int = 0) -> LightMa
 
 def is_well_formed(maps: LightMaps, scene: Scene) -> bool:
     """Return whether light maps fit the faces and channels of `lit_scene`."""
-    faces = len(lit_scene(scene).quads) + sum(len(mesh.faces) for mesh in scene.meshes)
+    faces = len(panels_m(lit_scene(scene).quads)) + sum(len(mesh.faces) for mesh in scene.meshes)
     shapes, texels = maps.shapes, maps.texels
     return (
         shapes.shape == (faces, 2, 2)
@@ -128,7 +139,7 @@ def is_well_formed(maps: LightMaps, scene: Scene) -> bool:
 def _area_m2(faces: Faces, scene: Scene) -> float:
     """Return the area of fine texels: printed faces, and the parallelograms of both sides of triangles."""
     areas = np.linalg.norm(np.cross(*_sides(faces)), axis=1)
-    quads = len(scene.quads)
+    quads = len(panels_m(scene.quads))
     return float(areas[:quads].sum() + 2 * areas[quads:].sum())
 
 
@@ -139,16 +150,16 @@ def _sides(faces: Faces) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _texels(faces: Faces, scene: Scene, side_m: float) -> Texels:
     across, down = _sides(faces)
-    quads, count = len(scene.quads), len(across)
+    quads, count = len(panels_m(scene.quads)), len(across)
     lamps = count - quads - sum(len(mesh.faces) for mesh in scene.meshes)
     sides_m = np.full((count, 2), side_m)
     sides_m[:quads, 0] *= _BACK  # the normal of a quad points into the page
     sides_m[quads : quads + lamps] = np.inf
     lengths = np.linalg.norm([down, across], axis=2).T
     shapes = np.maximum(np.ceil(lengths[:, None] / sides_m[:, :, None] - 1e-6), 1).astype(np.int64)
-    normals = faces.table[:, None, NORMAL:] * [[1], [-1]]
+    normals = faces.table[:, None, NORMAL : NORMAL + 3] * [[1], [-1]]
     lifts = np.full((count, 2, 1), _LEAST_LIFT_M)
-    lifts[:quads, 1, 0] += lifts_over_near_m(scene.quads)
+    lifts[:quads, 1, 0] += np.repeat(lifts_over_near_m(scene.quads), panel_counts(scene.quads))
     corners = faces.planes[:, None, 0] + lifts * normals
     both = np.broadcast_to(across[:, None], corners.shape), np.broadcast_to(down[:, None], corners.shape)
     frames = np.stack([corners, *both, normals], axis=2).reshape(-1, 4, 3).astype(np.float32)
@@ -376,7 +387,7 @@ def _with_lamps(scene: Scene, texels: Texels, values: NDArray[np.float32]) -> ND
     """Return the values with those of the lamps themselves: bright from before, black from behind."""
     lamps = [light for light in scene.lights if isinstance(light, AreaLight)]
     ambient = sum(light.intensity for light in scene.plain_lights if light.kind == "ambient")
-    first = int(texels.shapes[: 2 * len(scene.quads)].prod(axis=1).sum())
+    first = int(texels.shapes[: 2 * len(panels_m(scene.quads))].prod(axis=1).sum())
     for k, lamp in enumerate(lamps):
         values[first + 2 * k : first + 2 * k + 2] = np.array([[0.0], [lamp.radiance]]) - ambient
     return values

@@ -65,6 +65,9 @@ def light_key(scene: Scene, texel_m: float = TEXEL_M) -> str:
         _add(digest, quad.world_from_quad, quad.size_m, quad.texture.pixels, asdict(quad.material))
     for mesh in scene.meshes:
         _add(digest, mesh.triangles_m, mesh.color, asdict(mesh.material))
+        if mesh.skin is not None:
+            skin = mesh.skin
+            _add(digest, *(t.pixels for t in skin.textures), skin.textured(len(mesh.faces)), skin.uv, skin.colors)
     for light in scene.lights:
         _add(digest, type(light).__name__, *vars(light).values())
     return digest.hexdigest()

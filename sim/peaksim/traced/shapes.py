@@ -4,16 +4,19 @@ Levels become reflectance by level / 255, and radiance is in units of white. The
 is irradiance / π here: a diffuse surface of reflectance ρ shows the radiance ρ·M.
 """
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.faces import BACK_LEVEL, channels_of, mesh_levels
+from peaksim.area.faces import BACK_LEVEL, channels_of, corner_levels, mesh_levels
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import WHITE, Material
 from peaksim.scene.scene import Light, Mesh, Quad, Scene
+from peaksim.scene.skin import Skin
+from peaksim.scene.texture import Texture
 from peaksim.traced.library import tools_for
 
 _TOUCH_M = 1e-5
@@ -46,11 +49,13 @@ def traceable(scene: Scene) -> Traceable:
         for k, (quad, lift_m) in enumerate(zip(scene.quads, lifts_m(scene.quads), strict=True)):
             key = quad.texture, quad.material
             if key not in prints:
-                prints[key] = _two_sided(mi, _surface(mi, quad.material, _image(mi, quad)), _plain(mi, BACK_LEVEL))
+                front = _surface(mi, quad.material, _image(mi, quad.texture, quad.material))
+                prints[key] = _two_sided(mi, front, _plain(mi, BACK_LEVEL))
             square = _rectangle(mi, quad.world_from_quad, quad.size_m, lift_m)
             objects[f"quad{k}"] = mi.load_dict({**square, "bsdf": prints[key]})
         for k, mesh in enumerate(scene.meshes):
-            objects[f"mesh{k}"] = _mesh(mi, mesh, channels)
+            for j, part in enumerate(_mesh(mi, mesh, channels)):
+                objects[f"mesh{k}_{j}"] = part
         for k, light in enumerate(travelling):
             objects[f"light{k}"] = mi.load_dict(_emitter(mi, light))
         is_lit = any(_strength(light) > 0 for light in travelling)
@@ -84,16 +89,42 @@ def _rectangle(mi: Any, pose: NDArray[np.float64], size_m: tuple[float, float], 
     return {"type": "rectangle", "to_world": mi.ScalarTransform4f(placed)}
 
 
-def _mesh(mi: Any, mesh: Mesh, channels: int) -> Any:
-    surface = _surface(mi, mesh.material, _plain_reflectance(mi, mesh_levels(mesh, channels)))
-    properties = mi.Properties()
-    properties["mesh_bsdf"], properties["face_normals"] = mi.load_dict({"type": "twosided", "side": surface}), True
-    corners = mesh.triangles_m.reshape(-1, 3)
-    made = mi.Mesh(mesh.name, len(corners), len(mesh.faces), props=properties)
-    values = mi.traverse(made)
-    values["vertex_positions"] = np.ascontiguousarray(corners, dtype=np.float32).ravel()
-    values["faces"] = np.arange(len(corners), dtype=np.uint32)
-    values.update()
+def _mesh(mi: Any, mesh: Mesh, channels: int) -> Iterator[Any]:
+    """Yield a mesh: its faces without an image, then those of each image."""
+    corners, skin = mesh.triangles_m, mesh.skin or Skin()
+    numbers = skin.textured(len(corners))
+    for number in np.unique(numbers).tolist():
+        some = np.flatnonzero(numbers == number)
+        if number >= 0 and skin.uv is not None:
+            reflectance, values = _image(mi, skin.textures[number], mesh.material), {"texcoords": skin.uv[some]}
+        elif skin.colors is not None:
+            levels = corner_levels(skin.colors[some], mesh.material, channels)
+            reflectance, values = {"type": "mesh_attribute", "name": "vertex_color"}, {"color": levels / WHITE}
+        else:
+            reflectance, values = _plain_reflectance(mi, mesh_levels(mesh, channels)), {}
+        side = {"type": "twosided", "side": _surface(mi, mesh.material, reflectance)}
+        yield _triangles(mi, f"{mesh.name}_{number}", mi.load_dict(side), {"positions": corners[some], **values})
+
+
+def _triangles(mi: Any, name: str, bsdf: Any, values: dict[str, NDArray[np.float64]]) -> Any:
+    """Return (n, 3, …) values at the corners of triangles as Mitsuba's mesh."""
+    properties, n = mi.Properties(), len(values["positions"])
+    properties["mesh_bsdf"], properties["face_normals"] = bsdf, "normals" not in values
+    made = mi.Mesh(
+        name,
+        3 * n,
+        n,
+        has_vertex_normals="normals" in values,
+        has_vertex_texcoords="texcoords" in values,
+        props=properties,
+    )
+    if "color" in values:
+        made.add_attribute("vertex_color", values["color"].shape[-1], [0.0] * values["color"].size)
+    own = mi.traverse(made)
+    for key, array in values.items():
+        own[f"vertex_{key}"] = np.ascontiguousarray(array, dtype=np.float32).ravel()
+    own["faces"] = np.arange(3 * n, dtype=np.uint32)
+    own.update()
     return made
 
 
@@ -122,9 +153,9 @@ def _plain_reflectance(mi: Any, levels: NDArray[np.float64]) -> dict[str, Any]:
     return {"type": "uniform", "value": float(shares[0])}
 
 
-def _image(mi: Any, quad: Quad) -> dict[str, Any]:
+def _image(mi: Any, texture: Texture, material: Material) -> dict[str, Any]:
     """Return a printed texture: bilinear between the centres of texels and clamped, as `peaksim.scene.Texture` is."""
-    levels = quad.material.levels(quad.texture.pixels).astype(np.float32)
+    levels = material.levels(texture.pixels).astype(np.float32)
     shares = np.ascontiguousarray(np.atleast_3d(levels)[::-1] / np.float32(WHITE))  # the first row is at v = 0
     return {"type": "bitmap", "data": mi.TensorXf(shares), "raw": True, "wrap_mode": "clamp"}
 

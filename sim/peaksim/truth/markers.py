@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from peaksim.area.faces import panel_counts, panels_m, triangles_m
 from peaksim.area.rays import first_faces, list_faces_in, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth
@@ -79,10 +80,8 @@ def _side_px(camera: Camera, corners_xy: NDArray[np.float64], in_camera: NDArray
 
 
 def face_corners_m(scene: Scene) -> NDArray[np.float64]:
-    """Return the (f, 4, 3) world corners of all faces, quads first; a triangle's last corner is repeated."""
-    quads = [quad.corners_m[None] for quad in scene.quads]
-    triangles = [mesh.triangles_m[:, [0, 1, 2, 2]] for mesh in scene.meshes]
-    return np.concatenate([np.zeros((0, 4, 3)), *quads, *triangles])
+    """Return the (f, 4, 3) world corners of all faces, panels first; a triangle's last corner is repeated."""
+    return np.concatenate([panels_m(scene.quads), triangles_m(scene.meshes)[:, [0, 1, 2, 2]]])
 
 
 def projection_blur(
@@ -112,9 +111,10 @@ def _visible_fractions(
     solids, faces = solids_of(scene, quads=True), face_corners_m(scene)
     behind = _reach_behind(posed, corners_xy, in_camera)
     seen = np.array([_may_be_seen(posed, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
-    shares = np.zeros(len(corners))
+    shares, counts = np.zeros(len(corners)), panel_counts(scene.quads)
+    first_panels = np.cumsum(counts) - counts
     for k in np.flatnonzero(seen):
-        number = int(owners[k])
+        number = int(first_panels[owners[k]])
         hidden = _is_hidden(posed, solids, faces, number, corners[k], corners_xy[k])
         if behind[k]:
             shares[k] = _printed_share(posed, solids, number, corners[k], in_camera[k], hidden)

@@ -74,7 +74,9 @@ def test_a_crowded_pixel_is_cut_into_equal_parts_with_the_face_at_their_middle()
     polygons, pieces, shares = np.zeros((n, 24, 2)), np.zeros((n, 4), np.int64), np.zeros(n)
     out = np.zeros((1, 1, 1), np.float32)
     pixels = np.zeros((1, 2), np.int64)
-    count = cut_crowded(corners, sides, numbers, positions(1, 1), pixels, 160.0, polygons, pieces, shares, out)
+    count = cut_crowded(
+        corners, sides, numbers, positions(1, 1), pixels, np.full((1, 1, 1), 160.0), polygons, pieces, shares, out
+    )
     assert count == n - 1
     assert out[0, 0, 0] == 160 / n
     assert np.all(shares[:count] == 1 / n)
