@@ -120,7 +120,8 @@ class Function:
             if not parameter.lengths:
                 passed.append(parameter.as_number(value))
             elif value is None and parameter.may_be_none:
-                passed += [None, *parameter.fix_lengths((0,) * len(parameter.lengths), known)]
+                shape = tuple(known.get(name, 0) for name in parameter.lengths)
+                passed += [None, *parameter.fix_lengths(shape, known)]
             else:
                 array = parameter.as_array(value)
                 alive.append(array)

@@ -1,4 +1,4 @@
-"""SURF, key point for key point OpenCV's, in plain Python and Numba.
+"""SURF, key point for key point OpenCV's, in plain Python and C.
 
 Stages can be called alone or together::
 

@@ -6,9 +6,12 @@ Sums are kept modulo 2^32 in int32. Differences of such sums are exact as long a
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.kernel import kernel
+from peaksim.native import function
 
 from peakmark.parallel import bands, map_parallel, thread_count
+
+_sum_columns = function("void sum_columns(const u1[rows,width] pixels, i4[width] sums)")
+_integrate = function("void integrate(const u1[rows,width] pixels, const i4[width] above, i4[room,stride] sums)")
 
 
 def integral_image(gray: NDArray[np.uint8]) -> NDArray[np.int32]:
@@ -49,27 +52,3 @@ def padded_length(length: int, itemsize: int) -> int:
     """Row length, in items, that is an odd number of cache lines: rows 2^n long would share a few sets of the cache."""
     lines = -(-length * itemsize // 64)
     return (lines | 1) * 64 // itemsize
-
-
-@kernel
-def _sum_columns(pixels, sums):
-    for y in range(pixels.shape[0]):
-        row = pixels[y]
-        for x in range(row.size):
-            sums[x] += row[x]
-
-
-@kernel
-def _integrate(pixels, above, sums):
-    """Fill the rows of one band; `above` (W,) is the integral row over the band, without its leading zero."""
-    width = pixels.shape[1]
-    for y in range(pixels.shape[0]):
-        row = pixels[y]
-        out = sums[y]
-        out[0] = 0
-        inner = out[1:]
-        before = above if y == 0 else sums[y - 1, 1:]
-        running = np.int32(0)
-        for x in range(width):
-            running = np.int32(running + row[x])
-            inner[x] = np.int32(before[x] + running)

@@ -6,15 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from peaksim.kernel import kernel
+from peaksim.native import function
 
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.markers.patterns import DXY_WEIGHT
-from peakmark.surf.exact import exact_derivatives, newton_offset, strongest_neighbour, write_record
 from peakmark.surf.hessian import RECORD_FIELDS, strongest_first, to_keypoints
 from peakmark.surf.layers import Layer, octave_layers
 
-_DXY = np.float32(DXY_WEIGHT)
+_layer_responses = function(
+    "void layer_responses(const i4[height,stride] integral, i8 step, i8 side, f4[rows,columns] det, "
+    "f4[rows,columns] trace)"
+)
+_refine_maxima = function(
+    "i8 refine_maxima(const f4[3,rows,columns] layers, const f4[rows,columns] trace, i8 octave, i8 index, i8 margin, "
+    "const i8[n,2] positions, f4[n,7] records)"
+)
 
 
 class LayerResponse(NamedTuple):
@@ -45,19 +50,11 @@ def _layer_response(sums: NDArray[np.int32], layer: Layer) -> LayerResponse:
     det = np.zeros(layer.grid_shape(height, width), dtype=np.float32)
     trace = np.zeros_like(det)
     rows, columns = layer.positions(height, width)
+    found = np.empty((2, rows, columns), dtype=np.float32)
+    _layer_responses(sums, layer.step, layer.side, *found)
     inner = slice(layer.offset, layer.offset + rows), slice(layer.offset, layer.offset + columns)
-    _respond(sums.reshape(-1), sums.shape[1], layer.step, layer.side, det[inner], trace[inner])
+    det[inner], trace[inner] = found
     return LayerResponse(layer, det, trace)
-
-
-@kernel
-def _respond(sums, stride, step, side, det, trace):
-    """Fill both with the responses of filters a step apart, the first in the image's corner."""
-    for i in range(det.shape[0]):
-        for j in range(det.shape[1]):
-            dxx, dyy, dxy = exact_derivatives(sums, stride, (i * stride + j) * step, side)
-            det[i, j] = dxx * dyy - _DXY * dxy * dxy
-            trace[i, j] = dxx + dyy
 
 
 def interest_points(responses: Sequence[LayerResponse], threshold: float = 100.0) -> Keypoints:
@@ -78,21 +75,8 @@ def interest_points(responses: Sequence[LayerResponse], threshold: float = 100.0
         if below.layer.octave == above.layer.octave:
             cube, layer = np.stack([below.det, here.det, above.det]), here.layer
             maxima = np.argwhere(here.det > threshold)
-            found.append(_refine(cube, here.trace, layer.octave, layer.index, layer.margin, maxima))
+            kept = np.empty((len(maxima), len(RECORD_FIELDS)), dtype=np.float32)
+            count = _refine_maxima(cube, here.trace, layer.octave, layer.index, layer.margin, maxima, kept)
+            found.append(kept[:count])
     records = np.concatenate(found)
     return to_keypoints(records[strongest_first(records)], np.float32(-1))
-
-
-@kernel
-def _refine(layers, trace, octave, index, margin, positions):
-    """Records of those of (n, 2) grid positions of the middle layer that are maxima."""
-    records, count = np.empty((len(positions), 7), dtype=np.float32), 0
-    for k in range(len(positions)):
-        i, j = positions[k]
-        if margin <= i < trace.shape[0] - margin and margin <= j < trace.shape[1] - margin:
-            cube = layers[:, i - 1 : i + 2, j - 1 : j + 2]
-            ok, dx, dy, ds = newton_offset(cube)
-            if ok and cube[1, 1, 1] > strongest_neighbour(cube):
-                write_record(records[count], octave, index, i, j, cube[1, 1, 1], trace[i, j], (dx, dy, ds))
-                count += 1
-    return records[:count]
