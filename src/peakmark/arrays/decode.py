@@ -3,7 +3,7 @@
 Two decoders share one result. `paper` is the paper's: a marker whose two nearest neighbours are similarly far and in
 roughly perpendicular directions makes a cluster, which is read as if upright. `robust` needs no upright camera: it lays
 a lattice through markers of like size, finds the blank corner, reads from there, and leaves the code open where
-something speaks against it.
+something speaks against it. Given the image, it also looks for members that the search has missed (`arrays.look`).
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from peakmark.arrays.blank import is_blank
+from peakmark.arrays.complete import CLEAR, complete, pairs
 from peakmark.arrays.lattice import Cell, Lattice, Limits, MarkerShapes, expected, lattices, positions
 from peakmark.arrays.paper import decode_upright
 from peakmark.errors import InputError, check_choice
@@ -35,6 +36,10 @@ LIKE_SIZE = 1.6
 little above the ratio up to which markers of one array may differ (`lattice.SIZE_RATIO`)."""
 
 
+_ROUNDS = 4
+"""Times that members are looked for beside those that were seen before: in large arrays one leads to another."""
+
+
 @dataclass(frozen=True)
 class MarkerArray:
     """An array found in an image."""
@@ -44,7 +49,8 @@ class MarkerArray:
     doubt: str
     """Why it is unsure, otherwise empty."""
     detections: tuple[Detection, ...]
-    """Its markers in reading order from the blank corner; in no certain order without a code."""
+    """Its markers in reading order from the blank corner; in no certain order without a code. Those of rank 0 were not
+    among the given ones: they were seen where the others say that they stand."""
     layout: Layout
     """The layout that was looked for."""
 
@@ -87,8 +93,10 @@ def decode_arrays(
         (width, height) px. With it an array whose blank corner lies outside the image is unsure: a full block of
         markers that the border cuts looks the same.
     image
-        The image itself, grey or RGB, which also tells its size. With it an array whose blank corner is not as bright
-        and even as bare paper is unsure: a full block of markers of which one was missed looks the same.
+        The image itself, grey or RGB, which also tells its size. With it refined markers tell where to look for those
+        that the search has missed, an array of which one is covered or missing is returned as unsure, and so is one
+        whose blank corner is not as bright and even as bare paper: a full block of markers of which one was missed
+        looks the same.
 
     Raises
     ------
@@ -104,10 +112,38 @@ def decode_arrays(
     seen = _shapes_of(found, affinity)
     responses = np.array([d.response for d in found])
     chosen = suppress_non_maxima(seen.xy, seen.sizes, responses, by_larger=False, like_size=LIKE_SIZE)
+    found = tuple(found[i] for i in chosen)
     markers = MarkerShapes(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen])
-    gray = None if image is None else as_gray(image)
-    size = image_size if gray is None else (gray.shape[1], gray.shape[0])
-    return _decode(tuple(found[i] for i in chosen), markers, layout, size, gray)
+    if image is None:
+        return _decode(found, markers, layout, image_size, None)
+    return _decode_seen(found, markers, layout, as_gray(image))
+
+
+def _decode_seen(
+    found: Sequence[Detection], markers: MarkerShapes, layout: Layout, gray: NDArray[np.uint8]
+) -> tuple[MarkerArray, ...]:
+    """Return the arrays of an image, with members that the search missed, and pairs that lack a third marker."""
+    size = (gray.shape[1], gray.shape[0])
+    for _ in range(_ROUNDS):
+        arrays = _decode(found, markers, layout, size, gray)
+        read = {id(d) for array in arrays if array.code is not None for d in array.detections}
+        kept, added = complete(gray, markers, {k for k, d in enumerate(found) if id(d) in read}, layout.pitch)
+        if not added:
+            break
+        found, markers = (*(found[k] for k in kept), *added), _joined(markers, kept, _shapes_of(added, None))
+    if len(layout.cells) > 3:
+        return arrays
+    members = {k for lattice in _lattices(markers, layout) for k in lattice.members}
+    open_pairs = pairs(markers, members, layout.pitch)
+    return (*arrays, *(_array(found, pair, layout, "a marker is covered or missing") for pair in open_pairs))
+
+
+def _joined(markers: MarkerShapes, kept: list[int], added: MarkerShapes) -> MarkerShapes:
+    return MarkerShapes(
+        np.concatenate([markers.xy[kept], added.xy]),
+        np.concatenate([markers.shapes[kept], added.shapes]),
+        np.concatenate([markers.is_measured[kept], added.is_measured]),
+    )
 
 
 def _shapes_of(found: Sequence[Detection], affinity: ArrayLike | None) -> MarkerShapes:
@@ -140,18 +176,22 @@ def _decode(
     image_size: tuple[int, int] | None,
     gray: NDArray[np.uint8] | None,
 ) -> tuple[MarkerArray, ...]:
-    if len(found) < 3:
-        return ()
-    everything = [_block(lattice, layout) for lattice in lattices(seen, layout.pitch)]
+    everything = [_block(lattice, layout) for lattice in _lattices(seen, layout)]
     arrays = []
     for candidate in everything:
         rivals = [other for other in everything if _is_rival(other, candidate, seen.limits)]
         if candidate.order and not any(_is_better(rival, candidate, seen.limits) for rival in rivals):
             doubt = _rivalry(candidate, rivals) or _doubt(candidate, seen, image_size)
+            if not doubt and any(_is_unclear(found[k]) for k in candidate.order):
+                doubt = "a marker is unclear"
             if gray is not None and not doubt and not is_blank(gray, seen, candidate, candidate.blank, layout.pitch):
                 doubt = "the blank corner is not blank"
             arrays.append(_array(found, candidate.order, layout, doubt))
     return tuple(sorted(arrays, key=lambda a: (a.code is None, a.code or 0, tuple(a.xy))))
+
+
+def _lattices(seen: MarkerShapes, layout: Layout) -> list[Lattice]:
+    return lattices(seen, layout.pitch) if len(seen.xy) > 2 else []
 
 
 def _is_rival(other: _Block, candidate: _Block, limits: Limits) -> bool:
@@ -204,6 +244,11 @@ def _doubt(candidate: _Block, seen: MarkerShapes, image_size: tuple[int, int] | 
         if not (np.all(corner > -0.5) and np.all(corner < np.array(image_size) - 0.5)):
             return "the blank corner lies outside the image"
     return ""
+
+
+def _is_unclear(member: Detection) -> bool:
+    """Return whether a marker that was looked for is not seen well enough to be relied on."""
+    return member.rank == 0 and member.probability is not None and member.probability < CLEAR
 
 
 def _is_crowded(candidate: _Block, seen: MarkerShapes) -> bool:

@@ -1,6 +1,7 @@
 """`peakmark marker`: sheets of markers and 3-bit arrays for print."""
 
 from dataclasses import asdict
+from math import floor
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -11,12 +12,22 @@ from peakmark.cli.options import UnusedSeed
 from peakmark.errors import InputError
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
-from peakmark.markers.sheet import Page, Print, Tile, array_tile, marker_tile, pages, paper_size
+from peakmark.markers.sheet import (
+    SMALLEST_SIDE_MM,
+    Page,
+    Print,
+    Tile,
+    array_tile,
+    largest_side_mm,
+    marker_tile,
+    pages,
+    paper_size,
+)
 from peakmark.markers.sheet_files import write
 from peakmark.report.results import result_folder, write_json
 
 SIDE_MM, ARRAY_SIDE_MM = 80.0, 60.0
-"""Default sides of a marker: alone, and in an array, so that both fit A4 with their border."""
+"""Default sides of a marker, alone and in an array, where the page has room for them; both fit A4 with their border."""
 
 
 @examples(
@@ -26,7 +37,7 @@ def marker(
     kind: Annotated[str, Argument(help="surf, sift, array (all eight 3-bit arrays) or array-0 … array-7")],
     out: Annotated[Path, Option(help="directory for the sheet and result.json")] = Path("out/marker"),
     side_mm: Annotated[
-        float | None, Option(help="side of one marker without border [default: 80; in arrays 60, which fit A4]")
+        float | None, Option(help="side of one marker without border [default: 80, in arrays 60, less on small pages]")
     ] = None,
     border_mm: Annotated[float, Option(help="white border inside the crop marks")] = 5.0,
     gap_mm: Annotated[float | None, Option(help="between an array's markers; half a side if absent")] = None,
@@ -44,10 +55,14 @@ def marker(
     """Write a print-ready sheet of markers."""
     if limit not in ("energy", "range"):
         raise InputError(f"limit: expected energy or range, got {limit!r}")
+    polarity: Polarity = "light" if light else "dark"
+    paper_mm = paper_size(paper, landscape)
     if side_mm is None:
         side_mm = ARRAY_SIDE_MM if kind.startswith("array") else SIDE_MM
-    tiles = sheet_tiles(kind, side_mm, "light" if light else "dark", cast(Limit, limit), gap_mm, count)
-    laid_out = pages(tiles, paper_size(paper, landscape), border_mm, label)
+        (tile, *_) = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count)
+        side_mm = min(side_mm, max(SMALLEST_SIDE_MM, floor(largest_side_mm(tile, paper_mm, border_mm))))
+    tiles = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count)
+    laid_out = pages(tiles, paper_mm, border_mm, label)
     name = f"{kind if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"
     with result_folder(out) as folder:
         files = [path.name for path in write(laid_out, folder / name, format, dpi)]

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from peakmark.errors import InputError
 from peakmark.markers.array_code import polarities_of
@@ -48,7 +49,11 @@ LINE_MM = 0.15
 """Width of crop marks and of the scale bar's ticks."""
 
 _GUTTER_MM = 2 * CROP_MM[1] + 1.0
-"""Between tiles: the crop marks of both, and a millimetre."""
+"""Least distance between tiles: the crop marks of both, and a millimetre."""
+
+APART_STEPS = 1.5
+"""Arrays hang at least this far apart, from marker to marker in steps of their lattice, on the sheet already: what is
+nearer could be a marker of the same array (`peakmark.arrays.decode.QUIET_STEPS`)."""
 
 _FOOTER_MM = 10.0
 """Room for the scale bar and the small print."""
@@ -59,7 +64,7 @@ _LINE_HEIGHT = 1.2
 _CAPTION_GAP_MM = 0.5
 """Between a caption and the crop mark to its right."""
 
-_MIN_SIDE_MM = 2.0
+SMALLEST_SIDE_MM = 2.0
 """Side whose cells are 0.2 mm: five dots at 600 dpi."""
 
 
@@ -104,6 +109,8 @@ class Tile:
     """Relative to the square's top left."""
     stated_gap_mm: float = 0.0
     """Part of the side that does not grow with the markers."""
+    apart_mm: float = 0.0
+    """Least distance of its outer markers' centres from those of the next tile."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +148,7 @@ def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Li
     centers = zip(prints, ((far, near), (near, far), (far, far)), strict=True)
     markers = tuple(Placed(marker, x, y) for marker, (x, y) in centers)
     name = f"array {code}, marker side {side_mm:g} mm, gap {gap:g} mm"
-    return Tile(name, 2 * side_mm + gap, markers, 0.0 if gap_mm is None else gap)
+    return Tile(name, 2 * side_mm + gap, markers, 0.0 if gap_mm is None else gap, APART_STEPS * (side_mm + gap))
 
 
 def pages(
@@ -167,14 +174,13 @@ def pages(
 
 def _capacity(tile: Tile, border_mm: float, paper_mm: tuple[float, float]) -> tuple[int, int]:
     """Return how many columns and rows of tiles, with borders and gutters, fit the page."""
-    cut_mm = tile.side_mm + 2 * border_mm
-    room = np.array(paper_mm) - 2 * MARGIN_MM - [0, _FOOTER_MM] - _GUTTER_MM
-    columns, rows = (int(n) for n in np.floor((room + _GUTTER_MM + 1e-9) / (cut_mm + _GUTTER_MM)))
+    cut_mm, gutter_mm = tile.side_mm + 2 * border_mm, _gutter_mm(tile, border_mm)
+    room = _room_mm(paper_mm)
+    columns, rows = (int(n) for n in np.floor((room + gutter_mm + 1e-9) / (cut_mm + gutter_mm)))
     if columns < 1 or rows < 1:
         width, height = paper_mm
-        growing = (room.min() - 2 * border_mm - tile.stated_gap_mm) / (tile.side_mm - tile.stated_gap_mm)
-        largest = np.floor(10 * growing * tile.markers[0].marker.side_mm) / 10
-        hint = f": a side of {largest:g} mm fits" if largest >= _MIN_SIDE_MM else ""
+        largest = largest_side_mm(tile, paper_mm, border_mm)
+        hint = f": a side of {largest:g} mm fits" if largest >= SMALLEST_SIDE_MM else ""
         raise InputError(
             f"{tile.name}: expected at most {room.min():.4g} mm with its border on a page of "
             f"{width:g} × {height:g} mm, got {cut_mm:.4g} mm{hint}"
@@ -182,11 +188,31 @@ def _capacity(tile: Tile, border_mm: float, paper_mm: tuple[float, float]) -> tu
     return columns, rows
 
 
+def largest_side_mm(tile: Tile, paper_mm: tuple[float, float], border_mm: float = 5.0) -> float:
+    """Return the side of a marker, in whole tenths of a millimetre, with which a tile like this one just fits a page.
+
+    At most 0 where none fits.
+    """
+    room = _room_mm(paper_mm).min() - 2 * border_mm - tile.stated_gap_mm
+    growing = room / (tile.side_mm - tile.stated_gap_mm)
+    return float(np.floor(10 * growing * tile.markers[0].marker.side_mm + 1e-9) / 10)
+
+
+def _room_mm(paper_mm: tuple[float, float]) -> NDArray[np.float64]:
+    """Return width and height of what a page holds between its outermost crop marks."""
+    return np.asarray(np.array(paper_mm) - 2 * MARGIN_MM - [0, _FOOTER_MM] - _GUTTER_MM)
+
+
+def _gutter_mm(tile: Tile, border_mm: float) -> float:
+    """Return the distance between the cut edges of neighbouring tiles."""
+    return max(_GUTTER_MM, tile.apart_mm - tile.markers[0].marker.side_mm - 2 * border_mm)
+
+
 def _page(tiles: Sequence[Tile], columns: int, paper_mm: tuple[float, float], border_mm: float, label: str) -> Page:
     width, height = paper_mm
-    cut = tiles[0].side_mm + 2 * border_mm
-    pitch = cut + _GUTTER_MM
-    used = min(columns, len(tiles)) * pitch - _GUTTER_MM
+    cut, gutter = tiles[0].side_mm + 2 * border_mm, _gutter_mm(tiles[0], border_mm)
+    pitch = cut + gutter
+    used = min(columns, len(tiles)) * pitch - gutter
     left, top = (width - used) / 2, MARGIN_MM + CROP_MM[1]
     items: list[Item] = []
     placed: list[Placed] = []
@@ -311,5 +337,5 @@ def printable(text: str) -> str:
 def _check_print(marker: Print) -> None:
     if marker.pattern not in ("surf", "sift"):
         raise InputError(f"marker: expected surf or sift, got {marker.pattern!r}")
-    if not _MIN_SIDE_MM <= marker.side_mm <= 2000:
-        raise InputError(f"side_mm: expected {_MIN_SIDE_MM:g}…2000 mm, got {marker.side_mm}")
+    if not SMALLEST_SIDE_MM <= marker.side_mm <= 2000:
+        raise InputError(f"side_mm: expected {SMALLEST_SIDE_MM:g}…2000 mm, got {marker.side_mm}")

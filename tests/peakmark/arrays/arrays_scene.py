@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
 from peaksim.camera.models import camera_named
 from peaksim.geometry.pose import Pose, compose, invert, rotation_about, transform
 
@@ -48,13 +49,14 @@ def detections(
     rng: np.random.Generator | None = None,
     center_noise: float = 0.0,
     size_noise: float = 0.0,
+    camera: Camera = CAMERA,
 ) -> tuple[list[Detection], NDArray[np.float64]]:
     """Return detections and their affinities; noise is relative to the side, centres in x and y, sizes as a factor."""
     offsets = np.array([[0, 0], [0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]]) * [1, -1]
     found, shapes = [], []
     for number, p in enumerate(printed):
         points = np.pad(np.array(p.xy_m) + offsets * p.side_m, ((0, 0), (0, 1)))
-        px = CAMERA.project(transform(invert(world_from_camera), points))
+        px = camera.project(transform(invert(world_from_camera), points))
         shape = np.stack([px[1] - px[2], px[3] - px[4]], axis=1)
         size, xy = float(np.sqrt(abs(np.linalg.det(shape)))), px[0]
         if rng is not None:

@@ -23,6 +23,8 @@ def run(*arguments):
         (["sift", "--side-mm", "40", "--format", "svg"], "sift-dark-40mm.svg", 1),
         (["array", "--side-mm", "30"], "array-30mm.pdf", 24),
         (["array-5"], "array-5-60mm.pdf", 3),
+        (["array-5", "--paper", "a5"], "array-5-45mm.pdf", 3),
+        (["array", "--paper", "a4", "--border-mm", "30"], "array-50mm.pdf", 24),
         (["array-5", "--side-mm", "60", "--paper", "a3", "--landscape"], "array-5-60mm.pdf", 3),
     ],
 )

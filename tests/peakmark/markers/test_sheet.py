@@ -160,6 +160,18 @@ def test_where_there_is_room_the_small_print_has_its_height():
     assert small == [(2.2, "surf-dark, side 80 mm"), (2.2, footer)]
 
 
+@pytest.mark.parametrize("gap", [None, 5.0, 30.0])
+@pytest.mark.parametrize("border", [0.0, 5.0, 20.0])
+def test_arrays_hang_apart_on_the_sheet_already(gap, border):
+    """From marker to marker one and a half steps, where one step is a neighbour in the array."""
+    side = 15.0
+    (page, *_) = pages([array_tile(code, side, gap) for code in range(6)], paper_size("a3"), border)
+    step = side + (side / 2 if gap is None else gap)
+    centers = np.array([(m.x_mm, m.y_mm) for m in page.markers]).reshape(6, 3, 2)
+    gaps = np.linalg.norm(centers[:, None, :, None] - centers[None, :, None], axis=-1).min(axis=(2, 3))
+    assert gaps[~np.eye(6, dtype=bool)].min() >= 1.5 * step - 1e-9
+
+
 @pytest.mark.parametrize(("gap", "fits"), [(None, 70.0), (60.0, 57.5)])
 def test_an_array_larger_than_the_page_is_told_the_largest_side(gap, fits):
     with pytest.raises(InputError, match=f"got .* mm: a side of {fits:g} mm fits"):

@@ -45,7 +45,7 @@ SIDE_M = 0.05
 CAMERA = replace(camera_named("sony-dsc-s85"), width=384, height=288, cx=191.5, cy=143.5)
 """The middle of the image of the paper's second camera."""
 
-_TEXELS = 72
+TEXELS = 72
 """Of a marker's side: a multiple of the 9 cells of SURF's marker and of the 6 and 8 modules of the tags."""
 
 _SHEET = 6
@@ -153,7 +153,8 @@ def _comparison(quantity: str, value: float, design: Design, answers: Sequence[A
 def answer_trial(design: Design, condition: SheetCondition, rng: np.random.Generator) -> Answer:
     """Hang a sheet with a random id on a random wall, render it, and run the design's detector."""
     code = int(rng.integers(id_count(design)))
-    scene, pose = _scene(design, code, condition, rng), random_pose(condition, rng)
+    scene = sheet_scene(draw_sheet(design, code), width_m(design), condition, rng)
+    pose = random_pose(condition, rng)
     frame = render(scene, CAMERA, pose, renderer="exact")
     gray = capture_image(frame.linear, Sensor(condition.blur_px, exposure=0.7, read_noise=condition.noise), rng)
     center = CAMERA.project(transform(invert(pose), centers_m(design))).mean(axis=0)
@@ -198,38 +199,38 @@ def width_m(design: Design) -> float:
 
 def draw_sheet(design: Design, code: int) -> NDArray[np.uint8]:
     """Return a white sheet with the design in its middle."""
-    paper = np.full((_SHEET * _TEXELS, _SHEET * _TEXELS), 255, np.uint8)
-    step = THREE_BIT.pitch * _TEXELS / 2
+    paper = np.full((_SHEET * TEXELS, _SHEET * TEXELS), 255, np.uint8)
+    step = THREE_BIT.pitch * TEXELS / 2
     for pattern, (x, y) in _patterns(design, code, step):
-        left, top = (round((_SHEET - 1) * _TEXELS / 2 + offset) for offset in (x, y))
-        paper[top : top + _TEXELS, left : left + _TEXELS] = pattern
+        left, top = (round((_SHEET - 1) * TEXELS / 2 + offset) for offset in (x, y))
+        paper[top : top + TEXELS, left : left + TEXELS] = pattern
     return paper
 
 
 def _patterns(design: Design, code: int, step: float) -> Iterator[tuple[NDArray[np.uint8], tuple[float, float]]]:
     if design in TAGS:
-        yield tag_dictionary(TAGS[design][0]).generateImageMarker(code, _TEXELS), (0.0, 0.0)
+        yield tag_dictionary(TAGS[design][0]).generateImageMarker(code, TEXELS), (0.0, 0.0)
         return
     polarities: Sequence[Polarity] = ("light" if code else "dark",)
     cells: Sequence[tuple[float, float]] = ((0.5, 0.5),)
     if design == "SURF array":
         polarities, cells = polarities_of(code), THREE_BIT.cells
     for polarity, (column, row) in zip(polarities, cells, strict=True):
-        yield surf_marker(_TEXELS, polarity), ((2 * column - 1) * step, (2 * row - 1) * step)
+        yield surf_marker(TEXELS, polarity), ((2 * column - 1) * step, (2 * row - 1) * step)
 
 
-def _scene(design: Design, code: int, condition: SheetCondition, rng: np.random.Generator) -> Scene:
+def sheet_scene(paper: NDArray[np.uint8], width_m: float, condition: SheetCondition, rng: np.random.Generator) -> Scene:
+    """Return a sheet, see `draw_sheet`, on a wall of a photograph; what is covered is a share of the width."""
     photos = photographs("held-out")
     photo = scene_build.scale_contrast(photos[str(rng.choice(list(photos)))], float(rng.uniform(0.3, 1)), 140.0)
     size, sheet_m = (2.5, 2.5), _SHEET * SIDE_M
     away = np.eye(4)
     away[2, 3] = -0.002
     wall = Quad("wall", scene_build.Paper(photo, float(rng.uniform(1.2, 2.5))).cover_surface(size, "wall"), size, away)
-    quads = [wall, Quad("sheet", Texture.from_array(draw_sheet(design, code)), (sheet_m, sheet_m), np.eye(4))]
+    quads = [wall, Quad("sheet", Texture.from_array(paper), (sheet_m, sheet_m), np.eye(4))]
     if condition.occluded > 0:
-        bar_m = condition.occluded * width_m(design)
         bar = np.eye(4)
-        bar[:3, 3] = bar_m - width_m(design) / 2 - 0.1, 0.0, 0.001
+        bar[:3, 3] = (condition.occluded - 0.5) * width_m - 0.1, 0.0, 0.001
         quads.append(Quad("bar", Texture.from_array(np.full((1, 1), 110, np.uint8)), (0.2, 0.5), bar))
     return Scene(tuple(quads))
 

@@ -1,0 +1,112 @@
+"""Members of arrays that a search missed, seen where their neighbours say that they stand, and pairs that lack one."""
+
+from collections.abc import Set
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.arrays.lattice import SIZE_RATIO, MarkerShapes
+from peakmark.arrays.look import AROUND, Sighting, look_around
+from peakmark.identification.detection import Detection, pattern_name
+from peakmark.refine.api import refine
+
+LIKELY = 0.5
+"""Probability from which a marker that was looked for counts as seen."""
+
+CLEAR = 0.99
+"""Probability below which it leaves its array's code open."""
+
+SAME_PLACE = 0.2
+"""A detection this near to what is seen, in sides, is the same marker."""
+
+OVERLAP = 0.8
+"""A marker whose centre is nearer than this to another's, in sides along both its axes, would cover part of it."""
+
+PAIR_RADIUS = 0.12
+"""Two markers are a pair of neighbours if one is this near, in sides, to a cell around the other, by both shapes."""
+
+_LIKE_SHAPE = 0.25
+"""Largest difference of the two shapes of a pair, modulo quarter turns, in their size."""
+
+
+def complete(
+    gray: NDArray[np.uint8], seen: MarkerShapes, known: Set[int], pitch: float
+) -> tuple[list[int], tuple[Detection, ...]]:
+    """Return the markers that stay, and those that the image shows beside them; what is in the way of these goes.
+
+    Only measured shapes tell where to look. `known` are indices beside which nothing is missing; `pitch` is the
+    distance of neighbours in sides. What is added has id −1, rank 0, no response, and its probability.
+    """
+    sightings = [
+        sighting
+        for k in range(len(seen.xy))
+        if seen.is_measured[k] and k not in known
+        for sighting in look_around(gray, seen.xy[k], seen.shapes[k], pitch).values()
+        if sighting.probability >= LIKELY and not _is_at(sighting, seen)
+    ]
+    added: list[Sighting] = []
+    for sighting in sorted(sightings, key=lambda s: -s.correlation):
+        if not any(_overlap(other, sighting.xy) for other in added):
+            added.append(sighting)
+    clear = [sighting for sighting in added if sighting.probability >= CLEAR]
+    hidden = {k for k in range(len(seen.xy)) if any(_overlap(s, seen.xy[k]) for s in clear)}
+    kept = [k for k in range(len(seen.xy)) if k in known or k not in hidden]
+    return kept, tuple(_detection(gray, sighting) for sighting in added)
+
+
+def _is_at(sighting: Sighting, seen: MarkerShapes) -> bool:
+    """Return whether one of the markers is what is seen."""
+    gaps = np.linalg.norm(seen.xy - sighting.xy, axis=1)
+    return bool((gaps <= SAME_PLACE * np.maximum(seen.sizes, sighting.side_px)).any())
+
+
+def _overlap(sighting: Sighting, xy: NDArray[np.float64]) -> bool:
+    """Return whether a marker of the same size around a centre would cover part of what is seen."""
+    return bool(np.abs(np.linalg.solve(sighting.affinity, xy - sighting.xy)).max() <= OVERLAP)
+
+
+def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
+    """Return what is seen as a detection, aligned with the printed pattern where that succeeds near."""
+    fit = refine(gray, [sighting.xy], sighting.side_px, pattern_name(sighting.polarity, "energy"))
+    near = bool(fit.converged[0]) and np.linalg.norm(fit.xy[0] - sighting.xy) < SAME_PLACE / 2 * sighting.side_px
+    return Detection(
+        id=-1,
+        xy=fit.xy[0] if near else sighting.xy,
+        size=float(fit.side_px[0]) if near else sighting.side_px,
+        polarity=sighting.polarity,
+        response=0.0,
+        signature_distance=np.nan,
+        rank=0,
+        affinity=fit.affine[0] if near else sighting.affinity,
+        explained=float(fit.explained[0]) if near else None,
+        probability=sighting.probability,
+    )
+
+
+def pairs(seen: MarkerShapes, members: Set[int], pitch: float) -> list[tuple[int, int]]:
+    """Return pairs of measured markers, none of them among `members`, that stand like neighbours of one array.
+
+    Each is in one pair at most, the one that fits best.
+    """
+    free = [k for k in range(len(seen.xy)) if k not in members and seen.is_measured[k]]
+    fits = sorted((gap, i, j) for i, j in combinations(free, 2) if (gap := _misfit(seen, i, j, pitch)) <= PAIR_RADIUS)
+    chosen: list[tuple[int, int]] = []
+    for _, i, j in fits:
+        if not {i, j} & {k for pair in chosen for k in pair}:
+            chosen.append((i, j))
+    return chosen
+
+
+def _misfit(seen: MarkerShapes, i: int, j: int, pitch: float) -> float:
+    """Return how far, in sides, two markers are from being neighbours; inf where their shapes differ too much."""
+    ratio = seen.sizes[i] / seen.sizes[j]
+    if abs(np.log(ratio)) > np.log(SIZE_RATIO):
+        return np.inf
+    turn = np.linalg.solve(seen.shapes[i], seen.shapes[j]) * ratio
+    quarters = [turn @ np.linalg.matrix_power([[0, -1], [1, 0]], k) for k in range(4)]
+    if min(float(np.abs(q - np.eye(2)).max()) for q in quarters) > _LIKE_SHAPE:
+        return np.inf
+    gap = seen.xy[j] - seen.xy[i]
+    u = (np.linalg.solve(seen.shapes[i], gap) + np.linalg.solve(seen.shapes[j], gap)) / 2  # perspective cancels
+    return float(np.linalg.norm(u - pitch * np.array(AROUND), axis=1).min())

@@ -1,0 +1,166 @@
+"""Looking for an array's markers where they should stand: beside a marker that was found.
+
+A marker that was found tells where its neighbours are in its plane, so that the place where one should be can be
+rectified and compared with the printed patterns by correlation. That asks much less of the image than finding the
+marker anywhere: blur, noise and light that hide it from the search leave it plain here.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.arrays.lattice import Cell
+from peakmark.markers.patterns import Polarity, surf_cells
+
+AROUND: tuple[Cell, ...] = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
+"""Cells of the lattice around a marker."""
+
+EVIDENCE = (-41.8, 50.0)
+"""Offset of the log odds that a marker stands where one should, and their slope by correlation."""
+
+REACH = 0.25
+"""A marker may stand this far from where it should, in sides: perspective and the errors of a shape."""
+
+_SIDE_TEXELS = 14
+"""Resolution of the rectified place."""
+
+_HALF = 0.65
+"""Half the side of what is compared, in sides: the pattern and the white around it."""
+
+_BLUR, _TONE = 0.07, 1.4
+"""Of the template: blur in sides, and the exponent of a tone curve between a linear camera's and sRGB's."""
+
+_PERSPECTIVES = (0.0, -0.65, 0.65, -1.3, 1.3)
+"""Strengths of perspective that are tried, in those of a camera whose focal length is the image's longer side."""
+
+_SLIGHT = 0.02
+"""Perspective a step below which only none is tried: it moves a neighbour less than it may be off anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """What is seen best where a marker should stand."""
+
+    xy: NDArray[np.float64]
+    """(2,) centre, px."""
+    affinity: NDArray[np.float64]
+    """(2, 2) px per side there."""
+    polarity: Polarity
+    """Of the pattern that correlates better."""
+    correlation: float
+    """With it, −1…1."""
+
+    @property
+    def side_px(self) -> float:
+        """Root of the area, px."""
+        return float(np.sqrt(abs(np.linalg.det(self.affinity))))
+
+    @property
+    def probability(self) -> float:
+        """That a marker stands there."""
+        return float(1 / (1 + np.exp(-(EVIDENCE[0] + EVIDENCE[1] * self.correlation))))
+
+
+def look_around(
+    gray: NDArray[np.uint8], xy: NDArray[np.float64], affinity: NDArray[np.float64], pitch: float
+) -> dict[Cell, Sighting]:
+    """Return what is seen in the cells around a marker, those outside the (H, W) image left out.
+
+    `xy` (2,) px and `affinity` (2, 2) px per side are the marker's, `pitch` the distance of neighbours in sides.
+    """
+    blur_px = 0.5 * float(np.linalg.norm(affinity, -2)) / _SIDE_TEXELS
+    soft = cv2.GaussianBlur(gray, (0, 0), blur_px) if blur_px > 0.6 else gray
+    best: dict[Cell, Sighting] = {}
+    for tilt in _tilts(affinity, float(max(gray.shape)), pitch):
+        for cell, sighting in _sightings(np.asarray(soft), xy, affinity, tilt, pitch):
+            if cell not in best or sighting.correlation > best[cell].correlation:
+                best[cell] = sighting
+    return best
+
+
+def _tilts(affinity: NDArray[np.float64], focal_px: float, pitch: float) -> Iterator[NDArray[np.float64]]:
+    """Yield perspectives g (2,) of x = c + A u / (1 + g·u) that the shape of a marker allows.
+
+    Its shortest axis shows the direction in which it recedes and how much, but not which way.
+    """
+    _, (longest, shortest), axes = np.linalg.svd(affinity)
+    strength = longest / focal_px * np.sqrt(max(0.0, 1 - (shortest / longest) ** 2))
+    tried = _PERSPECTIVES if strength * pitch > _SLIGHT else _PERSPECTIVES[:1]
+    for factor in tried:
+        yield factor * strength * axes[1]
+
+
+def _sightings(
+    soft: NDArray[np.uint8],
+    xy: NDArray[np.float64],
+    affinity: NDArray[np.float64],
+    tilt: NDArray[np.float64],
+    pitch: float,
+) -> Iterator[tuple[Cell, Sighting]]:
+    """Yield the best position in each cell around a marker, under one perspective."""
+    reach = REACH + 1 / _SIDE_TEXELS
+    line = np.arange(round(-(_HALF + reach) * _SIDE_TEXELS), round((_HALF + reach) * _SIDE_TEXELS) + 1) / _SIDE_TEXELS
+    grid = np.stack(np.meshgrid(line, line), axis=-1)
+    for cell in AROUND:
+        middle = pitch * np.array(cell, dtype=np.float64)
+        px, depth = _projected(xy, affinity, tilt, middle + grid)
+        if depth.min() < 0.2 or not _is_inside(soft, _projected(xy, affinity, tilt, middle + 0.5 * _CORNERS)[0]):
+            continue
+        x, y = np.moveaxis(px, -1, 0).astype(np.float32)
+        place = cv2.remap(soft, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for polarity in get_args(Polarity):
+            shift, correlation = _best_shift(np.asarray(place), template(polarity))
+            u = middle + shift
+            center, w = _projected(xy, affinity, tilt, u)
+            shape = (affinity - np.outer(center - xy, tilt)) / w
+            yield cell, Sighting(center, shape, polarity, correlation)
+
+
+_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+def _projected(
+    xy: NDArray[np.float64], affinity: NDArray[np.float64], tilt: NDArray[np.float64], u: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (…, 2) px where points u (…, 2) of the plane are seen, and (…) their depths."""
+    depth = np.asarray(1 + u @ tilt)
+    return np.asarray(xy + u @ affinity.T / np.maximum(depth, 1e-3)[..., None]), depth
+
+
+def _is_inside(gray: NDArray[np.uint8], xy: NDArray[np.float64]) -> bool:
+    return bool((xy > -0.5).all() and (xy < np.array(gray.shape[::-1]) - 0.5).all())
+
+
+def _best_shift(place: NDArray[np.uint8], pattern: NDArray[np.float32]) -> tuple[NDArray[np.float64], float]:
+    """Return where a pattern correlates best with a rectified place, in sides from its middle, and how well."""
+    scores = np.asarray(cv2.matchTemplate(place.astype(np.float32), pattern, cv2.TM_CCOEFF_NORMED), dtype=np.float64)
+    row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    middle = (np.array(scores.shape) - 1) / 2
+    peak = [column + _vertex(scores[row], int(column)), row + _vertex(scores[:, column], int(row))]
+    return (np.array(peak) - middle[::-1]) / _SIDE_TEXELS, float(scores[row, column])
+
+
+def _vertex(scores: NDArray[np.float64], k: int) -> float:
+    """Return the offset of the vertex of the parabola through the largest of scores, at k, and its neighbours."""
+    if not 0 < k < len(scores) - 1:
+        return 0.0
+    before, here, after = (float(s) for s in scores[k - 1 : k + 2])
+    curvature = before - 2 * here + after
+    return 0.0 if curvature >= 0 else 0.5 * (before - after) / curvature
+
+
+@cache
+def template(polarity: Polarity) -> NDArray[np.float32]:
+    """Return (n, n) levels of a softened marker on white, n odd, `_SIDE_TEXELS` a side, its centre in the middle."""
+    fine = 9 * _SIDE_TEXELS
+    levels = np.kron((surf_cells(polarity) / 255.0) ** _TONE, np.ones((_SIDE_TEXELS, _SIDE_TEXELS)))
+    soft = cv2.GaussianBlur(np.pad(levels, fine, constant_values=1.0), (0, 0), _BLUR * fine)
+    count = round(_HALF * _SIDE_TEXELS)
+    at = (3 * fine - 1) / 2 + 9 * np.arange(-count, count + 1)
+    x, y = np.meshgrid(at.astype(np.float32), at.astype(np.float32))
+    return np.asarray(cv2.remap(soft.astype(np.float32), x, y, cv2.INTER_LINEAR))

@@ -1,0 +1,43 @@
+"""Arrays on paper before a grey wall, rendered exactly, with the detections that truth makes of them."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
+from peaksim.geometry.pose import Pose
+from peaksim.rendering import render
+from peaksim.scene.scene import Quad, Scene
+from peaksim.scene.texture import Texture
+
+from peakmark.identification.detection import Detection
+from peakmark.markers.array_code import THREE_BIT, Layout, polarities_of
+from peakmark.markers.patterns import surf_marker
+from tests.peakmark.arrays.arrays_scene import SIDE_M, detections, printed_array
+
+VIEW = Camera(width=360, height=270, fx=400.0, fy=400.0, cx=179.5, cy=134.5)
+_TEXELS = 72
+_MARGIN = 0.75
+
+
+def paper(code: int, layout: Layout = THREE_BIT) -> NDArray[np.uint8]:
+    """Return an array on white paper, 72 texels a side, with a margin of ¾ of a side."""
+    columns, rows = (1 + layout.pitch * (n - 1) + 2 * _MARGIN for n in (layout.columns, layout.rows))
+    sheet = np.full((round(rows * _TEXELS), round(columns * _TEXELS)), 255, np.uint8)
+    for (column, row), polarity in zip(layout.cells, polarities_of(code, layout), strict=True):
+        left, top = (round((_MARGIN + layout.pitch * k) * _TEXELS) for k in (column, row))
+        sheet[top : top + _TEXELS, left : left + _TEXELS] = surf_marker(_TEXELS, polarity)
+    return sheet
+
+
+def view(sheet: NDArray[np.uint8], world_from_camera: Pose) -> NDArray[np.uint8]:
+    """Return the image of a sheet whose middle is the world's origin."""
+    size = (sheet.shape[1] / _TEXELS * SIDE_M, sheet.shape[0] / _TEXELS * SIDE_M)
+    quad = Quad("sheet", Texture.from_array(sheet), size, np.eye(4))
+    return np.asarray(render(Scene((quad,)), VIEW, world_from_camera, renderer="exact").image)
+
+
+def true_detections(code: int, world_from_camera: Pose, layout: Layout = THREE_BIT) -> list[Detection]:
+    """Return what a perfect search finds, in reading order."""
+    found, shapes = detections(printed_array(code, layout=layout), world_from_camera, camera=VIEW)
+    return [replace(d, affinity=shape) for d, shape in zip(found, shapes, strict=True)]
