@@ -24,19 +24,17 @@ def run(code: str) -> list[str]:
 def test_importing_is_quick_and_loads_no_heavy_library() -> None:
     seconds, *heavy = run(
         "import sys, time; start = time.process_time(); import peakmark; print(time.process_time() - start);"
-        "print(*{'numba', 'cv2', 'scipy', 'matplotlib', 'pyrender'} & set(sys.modules))"
+        "print(*{'numpy', 'cv2', 'scipy', 'matplotlib', 'pyrender'} & set(sys.modules))"
     )
     assert heavy == []
     assert float(seconds) < 0.3
 
 
-def test_a_second_process_compiles_nothing() -> None:
-    code = f"import numpy as np; from peakmark import surf; surf.detect_and_describe({SMALL})"
-    run(code)
-    counted = (
-        "import numpy as np; from numba.core import event\n"
-        "from peakmark import surf\n"
-        f"with event.install_recorder('numba:compile') as compiled: surf.detect_and_describe({SMALL})\n"
-        "print(len(compiled.buffer))"
+def test_a_first_answer_is_quick() -> None:
+    """Nothing is compiled: the first call may take a few times as long as the second, which takes about 10 ms."""
+    (seconds,) = run(
+        "import time, numpy as np, peakmark\n"
+        f"gray = {SMALL}\n"
+        "start = time.process_time(); peakmark.identify(gray); print(time.process_time() - start)"
     )
-    assert run(counted) == ["0"]
+    assert float(seconds) < 3

@@ -24,7 +24,6 @@ _PACKAGES = (
     "peakmark",
     "numpy",
     "scipy",
-    "numba",
     "opencv-contrib-python-headless",
     "pillow",
     "pyarrow",

@@ -20,12 +20,8 @@ from threading import current_thread, main_thread
 from typing import Any, NoReturn, TypeVar
 
 import typer
-from peaksim.compiling import LISTENERS
 
 from peakmark.errors import InputError, NativeError, RendererError, one_line
-
-COMPILING = "compiling: a first run takes about a minute longer, later ones do not"
-"""Said once, when a kernel is not in Numba's cache."""
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -51,8 +47,6 @@ def run_command(command: Callable[..., Any]) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal of another encoding shows ? for →
-    if "--quiet" not in sys.argv:
-        LISTENERS.append(lambda: print(COMPILING, file=sys.stderr, flush=True))
     try:
         with _cleaning_up_when_told_to_end():
             if isinstance(command, typer.Typer):

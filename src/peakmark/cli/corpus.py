@@ -11,11 +11,9 @@ from typer import Argument, Exit, Option
 
 from peakmark.cli.command import examples, plain_app, resumable
 from peakmark.cli.options import Dask, Quiet, Workers
-from peakmark.cli.terminal import new_console, notice_if_slow, print_path, progress_bar
+from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.errors import InputError
 from peakmark.report.corpus_page import open_page, save_recording, show_frames
-
-COMPILING = "Preparing. The first run on a machine compiles for about a minute; later ones start at once."
 
 app = plain_app(no_args_is_help=True, help="Annotated image sets of any size, rendered with exact truth.")
 
@@ -41,14 +39,8 @@ def make(
     console = new_console(quiet)
     wanted = load_spec(spec, seed=seed, frames=frames)
     title, total = "render", wanted.frames
-    with resumable(), progress_bar(console, title, total) as bar, notice_if_slow(console, COMPILING) as started:
-
-        def count(frames: int) -> None:
-            if frames:
-                started()
-            bar.advance(frames)
-
-        made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), count)
+    with resumable(), progress_bar(console, title, total) as bar:
+        made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), bar.advance)
     for line in made.damaged:
         console.print(f"made again: {line}", highlight=False, soft_wrap=True)
     gl_renderer = made.configuration.gl_renderer

@@ -1,11 +1,9 @@
 """What the terminal shows: a bar while a command works, tables of figures, and where the results are."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 from rich.console import Console
@@ -57,18 +55,6 @@ def progress_bar(console: Console, title: str, total: int | None = None) -> Iter
     is_hidden = console.quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=is_hidden) as progress:
         yield Bar(progress, progress.add_task(title, total=total))
-
-
-@contextmanager
-def notice_if_slow(console: Console, words: str, after_s: float = 5.0) -> Iterator[Callable[[], None]]:
-    """Print words if so much time passes before the block ends or calls the function that it gets."""
-    timer = Timer(after_s, partial(console.print, words, markup=False, highlight=False))
-    timer.daemon = True
-    timer.start()
-    try:
-        yield timer.cancel
-    finally:
-        timer.cancel()
 
 
 def print_table(console: Console, title: str, head: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

@@ -16,8 +16,8 @@ import typer
 from typer.testing import CliRunner
 
 from peakmark.cli.app import COMMANDS, load_command
-from peakmark.cli.command import COMPILING, plain_app, resumable, run_command
-from peakmark.errors import ImageError, InputError, RendererError, one_line
+from peakmark.cli.command import plain_app, resumable, run_command
+from peakmark.errors import ImageError, InputError, NativeError, RendererError, one_line
 from tests.places import ROOT, SOURCES
 
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
@@ -41,6 +41,7 @@ def raising(error: BaseException | None) -> Callable[[], None]:
         (InputError("expected\n  this, got that"), 2, "error: expected this, got that\n"),
         (ImageError("no image"), 2, "error: no image\n"),
         (InputError("a \x1b[31mred\x07 \u202etxt"), 2, "error: a \\x1b[31mred\\x07 \\u202etxt\n"),
+        (NativeError("no library"), 2, "error: no library\n"),
         (RendererError("no context"), 3, "error: no context\n"),
         (typer.Exit(1), 1, ""),
     ],
@@ -161,25 +162,6 @@ def test_a_terminal_that_cannot_show_an_arrow_does_not_end_a_command(encoding: s
 
 def test_what_steers_a_terminal_is_escaped() -> None:
     assert one_line("a\x1b[31m\n\tb\udcff → é") == "a\\x1b[31m b\\udcff → é"
-
-
-@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
-def test_a_run_that_compiles_says_so_once_and_a_later_one_does_not(tmp_path: Path, quiet: list[str]) -> None:
-    (tmp_path / "own_kernels.py").write_text(
-        "from peaksim.kernel import kernel\n"
-        "@kernel\ndef add(a, b): return a + b\n@kernel\ndef sub(a, b): return a - b\n"
-    )
-    (tmp_path / "run.py").write_text(
-        "from peakmark.cli.command import run_command\n"
-        "def both(quiet: bool = False):\n    from own_kernels import add, sub\n    print(add(1, 2), sub(1, 2))\n"
-        "run_command(both)\n"
-    )
-    environment = {**os.environ, "PYTHONPATH": SOURCES, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    for said in (COMPILING + "\n", ""):
-        command = [sys.executable, str(tmp_path / "run.py"), *quiet]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=120)
-        assert done.stdout == "3 -1\n"
-        assert done.stderr == ("" if quiet else said)
 
 
 def test_a_command_that_resumes_says_so_on_ctrl_c(

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -55,23 +54,6 @@ def test_ctrl_c_says_that_the_same_command_resumes(spec: Path, tmp_path: Path, w
     finally:
         program.kill()
     assert (errors, program.returncode) == ("interrupted: the same command resumes\n", 130)
-
-
-def test_a_first_run_that_takes_long_says_why_and_a_quick_one_does_not(
-    spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arguments = ["make", str(spec), "--out", str(tmp_path / "c"), "--workers", "1"]
-    done = CliRunner().invoke(command.app, arguments)
-    assert (done.exit_code, "compiles" in done.output) == (0, False)
-
-    def slowly(*given: object) -> object:
-        time.sleep(5.5)
-        return make_corpus(*given)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(command, "make_corpus", slowly)
-    done = CliRunner().invoke(command.app, arguments)
-    assert (done.exit_code, "first run on a machine compiles for about a minute" in done.output) == (0, True)
-    assert CliRunner().invoke(command.app, [*arguments, "--quiet"]).output == ""
 
 
 def test_damage_is_named_by_check_and_by_the_run_that_makes_it_again(spec: Path, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from peakmark.cli.app import app
-from peakmark.cli.command import COMPILING, run_command
+from peakmark.cli.command import run_command
 from peakmark.cli.film_file import read_film
 from peakmark.errors import one_line
 from tests.helpers import marker_view
@@ -50,7 +50,7 @@ def identify(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Captur
         with pytest.raises(SystemExit) as ended:
             run_command(app)
         shown = capfd.readouterr()
-        return Done(int(str(ended.value.code)), shown.out, shown.err.replace(f"{COMPILING}\n", ""))
+        return Done(int(str(ended.value.code)), shown.out, shown.err)
 
     return run
 

@@ -313,7 +313,7 @@ def test_the_manifest_says_what_made_it(folder: Path, tmp_path: Path) -> None:
     manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
     assert (manifest["seed"], manifest["frames"]) == (77, 12)
     assert (manifest["renderer"], manifest["gl_renderer"]) == ("exact", None)
-    assert {"peakmark", "numpy", "numba"} <= set(manifest["versions"])
+    assert {"peakmark", "numpy", "pyarrow"} <= set(manifest["versions"])
     assert json.loads((tmp_path / "c" / "corpus.json").read_text())["spec"]["sensor"] == {
         "per": "frame",
         "read_noise": {"uniform": [0.0, 2.0]},
