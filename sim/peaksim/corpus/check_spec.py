@@ -80,6 +80,8 @@ def _check_scene(spec: CorpusSpec, table: SceneTable) -> None:
             _check_eyes(view, table.room, f"views[{i}].eye_m")
     if (spec.clutter.papers.limits[1] or spec.clutter.boxes.limits[1]) and table.room is None:
         raise SceneError("clutter: expected a scene with a room to put it in, this one has none")
+    if spec.light is not None and spec.light.has_lamps and table.room is None:
+        raise SceneError("light.lamps: expected a scene with a room to hang them in, this one has none")
     if table.room is not None:
         for marker in markers:
             _check_marker(marker, spec.markers, table.room)

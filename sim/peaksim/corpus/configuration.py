@@ -16,6 +16,7 @@ from peaksim.corpus.spec import CorpusSpec, spec_to_json
 from peaksim.corpus.store.base import Store
 from peaksim.corpus.vary import all_markers, poster_kinds
 from peaksim.errors import InputError
+from peaksim.scene.schema import AreaLightTable, EnvironmentTable, SceneTable
 
 _LARGEST_FILE = 1 << 26  # bytes of corpus.json; a specification has at most a million
 
@@ -73,13 +74,23 @@ def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_rendere
     single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
     kinds = tuple(sorted(single.union(*(poster_kinds(table) for table, _ in scenes))))
     inputs = {name: hash_file(file) for name, file in input_files(spec, folder, kinds).items()}
-    return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions(renderer))
+    tables = [table for table, _ in scenes]
+    return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions(renderer, is_baked(spec, tables)))
 
 
-def versions(renderer: str) -> dict[str, str]:
+def is_baked(spec: CorpusSpec, scenes: list[SceneTable]) -> bool:
+    """Return whether a corpus shows lamps, windows or skies, whose light Mitsuba bakes where it does not trace it."""
+    if spec.bake is False:
+        return False
+    if spec.light is not None:
+        return spec.light.has_lamps
+    return any(isinstance(light, AreaLightTable | EnvironmentTable) for table in scenes for light in table.lights)
+
+
+def versions(renderer: str, baked: bool = False) -> dict[str, str]:
     """Return the versions of the packages that make the bytes of a renderer; one that is missing is left out."""
     found = {}
-    for package in (*_PACKAGES, *(_TRACING if renderer == "traced" else ())):
+    for package in (*_PACKAGES, *(_TRACING if renderer == "traced" or baked else ())):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

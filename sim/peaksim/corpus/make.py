@@ -95,7 +95,7 @@ def probe_renderer(spec_json: str, folder: str, frame: int) -> tuple[str, str | 
     """Return renderer and OpenGL's renderer string, found by drawing a tiny frame."""
     plan = plan_frame(spec := spec_from_json(spec_json), Path(folder), frame)
     small = resized(plan.camera, _PROBE_PX / plan.camera.width)
-    drawn = render(plan.scene, small, plan.world_from_camera, renderer=spec.renderer)
+    drawn = render(plan.scene, small, plan.world_from_camera, renderer=spec.renderer, bake=plan.bake)
     return drawn.renderer, drawn.gl_renderer
 
 

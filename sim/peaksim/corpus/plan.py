@@ -16,6 +16,7 @@ from peaksim.camera.sensor import Sensor
 from peaksim.corpus import layout
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
+from peaksim.corpus.lamps import lamps_in
 from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, sensor_value
 from peaksim.corpus.vary import vary_scene
 from peaksim.corpus.views import is_free, markers_ahead, view_pose
@@ -75,6 +76,8 @@ class FramePlan:
     """Seed of the corpus."""
     samples: int = SAMPLES
     """Paths a pixel, for the traced renderer."""
+    bake: bool = True
+    """Whether the others show lamps and skies by baked light."""
 
     @property
     def camera(self) -> Camera:
@@ -102,12 +105,13 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
     return FramePlan(
         index=index,
         sequence=sequence,
-        scene=_lit(sequence.setup.scene, spec, draws, sequence.number),
+        scene=_lit(sequence, spec, draws),
         world_from_camera=pose,
         time_s=time_s,
         sensor=_sensor(sequence.setup.sensor, spec, draws, sequence.number),
         seed=spec.seed,
         samples=SAMPLES if spec.samples is None else spec.samples,
+        bake=spec.bake is not False,
     )
 
 
@@ -133,10 +137,13 @@ def _view(spec: CorpusSpec, sequence: Sequence, index: int, attempts: int) -> tu
     )
 
 
-def _lit(scene: Scene, spec: CorpusSpec, draws: Draws, sequence: int) -> Scene:
+def _lit(sequence: Sequence, spec: CorpusSpec, draws: Draws) -> Scene:
+    scene = sequence.setup.scene
     if spec.light is None:
         return scene
-    return replace(scene, lights=_lights(spec.light, _level(spec.light.per, spec, draws, sequence)))
+    level = _level(spec.light.per, spec, draws, sequence.number)
+    lamps = () if sequence.room is None else tuple(lamps_in(sequence.room, spec.light, level))
+    return replace(scene, lights=(*_lights(spec.light, level), *lamps))
 
 
 def _level(per: str, spec: CorpusSpec, draws: Draws, sequence: int) -> Draws:

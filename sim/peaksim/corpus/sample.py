@@ -47,8 +47,7 @@ def render_frame(plan: FramePlan, renderer: Renderer) -> Frame:
     """Return a plan's image, after the sensor, and its truth."""
     seeds = plan.seed, plan.index
     pose, time_s = plan.world_from_camera, plan.time_s
-    # baked light would differ between machines, and each sequence has markers and so light of its own
-    frame = render(plan.scene, plan.camera, pose, renderer, time_s, samples=plan.samples, seed=seeds, bake=False)
+    frame = render(plan.scene, plan.camera, pose, renderer, time_s, samples=plan.samples, seed=seeds, bake=plan.bake)
     return apply_sensor(frame, plan.sensor, plan.noise())
 
 

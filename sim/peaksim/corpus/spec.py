@@ -154,6 +154,31 @@ class ClutterSpread(StrictTable):
     level: Level = spread_field((60, 200))
 
 
+class OccluderSpread(StrictTable):
+    """`[occluders]`: sheets of paper that lie on some of the markers and cover a part of each."""
+
+    share: Share = spread_field(0)
+    cover: Share = spread_field((0.05, 0.5))
+    level: Level = spread_field((30, 230))
+
+
+class PrintSpread(StrictTable):
+    """`[prints]`: ink and paper of markers, posters and clutter, one for a sequence."""
+
+    black: Share = spread_field((0.03, 0.08))
+    white: Share = spread_field((0.75, 0.9))
+    curve: Annotated[tuple[Literal["linear", "srgb"], ...], Field(min_length=1)] = ("linear", "srgb")
+    gloss: Share = spread_field(0)
+    roughness: Share = spread_field((0.08, 0.3))
+
+    @model_validator(mode="after")
+    def _is_dark_on_light(self) -> Self:
+        if not self.black.limits[1] < self.white.limits[0]:
+            darkest, lightest = self.white.limits[0], self.black.limits[1]
+            raise ValueError(f"expected black below white, got up to {lightest:g} and from {darkest:g} on")
+        return self
+
+
 class TextureSpread(StrictTable):
     """`[textures.NAME]`: how a scene's texture changes from sequence to sequence; unset fields stay the scene's."""
 
@@ -163,7 +188,7 @@ class TextureSpread(StrictTable):
 
 
 class LightSpread(StrictTable):
-    """`[light]`: replaces the scene's lights; the multipliers of `peaksim.Light`."""
+    """`[light]`: replaces the scene's lights; the multipliers of `peaksim.Light`, and lamps of `peaksim.AreaLight`."""
 
     per: Literal["frame", "sequence"] = "frame"
     ambient: Factor
@@ -171,6 +196,21 @@ class LightSpread(StrictTable):
     elevation_deg: Angle = spread_field((30, 90))
     azimuth_deg: Angle = spread_field((0, 360))
     shadows: bool = True
+    lamps: Count | None = None
+    windows: Count | None = None
+    lamp_m: Length | None = None
+    lamp_radiance: Level | None = None
+
+    @model_serializer(mode="wrap")
+    def _values(self, to_values: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the values without lamps that nobody stated, so that the hashes of older suites stay."""
+        later = ("lamps", "windows", "lamp_m", "lamp_radiance")
+        return {name: value for name, value in to_values(self).items() if name not in later or value is not None}
+
+    @property
+    def has_lamps(self) -> bool:
+        """Whether lamps or windows can come."""
+        return any(count is not None and count.limits[1] > 0 for count in (self.lamps, self.windows))
 
     @model_validator(mode="after")
     def _from_above(self) -> Self:
@@ -261,6 +301,7 @@ class CorpusSpec(StrictTable):
     frames_per_second: Positive = 10.0
     renderer: Literal["auto", "gl", "exact", "traced"] = "auto"
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] | None = None
+    bake: bool | None = None
     pictures: PictureTable = PictureTable()
     store: StoreTable = StoreTable()
     scenes: Annotated[tuple[SceneChoice, ...], Field(min_length=1)]
@@ -268,6 +309,8 @@ class CorpusSpec(StrictTable):
     views: Annotated[tuple[AnyView, ...], Field(min_length=1)]
     markers: MarkerSpread = MarkerSpread()
     clutter: ClutterSpread = ClutterSpread()
+    occluders: OccluderSpread | None = None
+    prints: PrintSpread | None = None
     textures: dict[Name, TextureSpread] = Field(default_factory=dict)
     light: LightSpread | None = None
     sensor: SensorSpread = SensorSpread()
@@ -285,8 +328,9 @@ class CorpusSpec(StrictTable):
 
     @model_serializer(mode="wrap")
     def _values(self, to_values: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Return the values without samples that nobody stated, so that the hashes of older suites stay."""
-        return {name: value for name, value in to_values(self).items() if name != "samples" or value is not None}
+        """Return the values without later fields that nobody stated, so that the hashes of older suites stay."""
+        later = ("samples", "bake", "occluders", "prints")
+        return {name: value for name, value in to_values(self).items() if name not in later or value is not None}
 
     @property
     def camera_names(self) -> tuple[str, ...]:

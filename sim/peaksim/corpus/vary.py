@@ -4,13 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import ClutterSpread, CorpusSpec, MarkerSpread, TextureSpread
+from peaksim.corpus.spec import ClutterSpread, CorpusSpec, MarkerSpread, OccluderSpread, PrintSpread, TextureSpread
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rotation_about
 from peaksim.scene.build import path_poses, quad_pose
-from peaksim.scene.schema import BoxTable, MarkerTable, QuadTable, RoomTable, SceneTable, TextureTable
+from peaksim.scene.schema import BoxTable, MarkerTable, MaterialTable, QuadTable, RoomTable, SceneTable, TextureTable
 
 _GAP_M = 0.001  # between surfaces that lie on each other
+_PRINT = "corpus print"
+"""Name of the material of `[prints]`."""
 
 
 def vary_scene(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
@@ -32,7 +34,10 @@ def vary_scene(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
             "marker_paths": (),
         }
     )
-    return _with_clutter(changed, spec.clutter, draws)
+    with_clutter = _with_clutter(changed, spec.clutter, draws)
+    if spec.occluders is not None:
+        with_clutter = with_occluders(with_clutter, spec.occluders, draws)
+    return with_clutter if spec.prints is None else _printed(with_clutter, spec.prints, draws)
 
 
 def _varied_texture(texture: TextureTable, spread: TextureSpread, draws: Draws, name: str) -> TextureTable:
@@ -186,3 +191,72 @@ def _floor_point(room: RoomTable, draws: Draws, name: str) -> tuple[float, float
         for axis, low, high in zip("xy", room.min_m[:2], room.max_m[:2], strict=True)
     )
     return x, y
+
+
+# --- occluders and prints -----------------------------------------------------------------------------------------
+
+
+def with_occluders(table: SceneTable, spread: OccluderSpread, draws: Draws) -> SceneTable:
+    """Return the scene with a sheet of paper over a part of some of its markers."""
+    share = draws.value("occluders.share", spread.share)
+    covered = [marker for marker in table.markers if draws.share(f"occluders.share.{marker.name}") < share]
+    names = {marker.name: f"occluder {k}" for k, marker in enumerate(covered)}
+    levels = {
+        name: TextureTable(level=draws.value(f"occluders.level.{marker}", spread.level))
+        for marker, name in names.items()
+    }
+    sheets = tuple(_occluder(marker, names[marker.name], spread, draws) for marker in covered)
+    return table.model_copy(update={"textures": {**table.textures, **levels}, "quads": (*table.quads, *sheets)})
+
+
+def _occluder(marker: MarkerTable, name: str, spread: OccluderSpread, draws: Draws) -> QuadTable:
+    """Return a sheet whose straight edge leaves a drawn share of the marker's pattern uncovered, from any side."""
+    pose = quad_pose(marker.normal, marker.up, marker.center_m, f"markers.{marker.name}")
+    angle = 2 * np.pi * draws.share(f"occluders.angle.{marker.name}")
+    edge_m = marker.side_m * edge_offset(draws.value(f"occluders.cover.{marker.name}", spread.cover), angle)
+    size_m = 2 * marker.side_m
+    towards = pose[:3, :2] @ [np.cos(angle), np.sin(angle)]
+    center = pose[:3, 3] + (edge_m + size_m / 2) * towards + _GAP_M / 2 * pose[:3, 2]
+    return QuadTable(
+        name=name,
+        texture=name,
+        size_m=(size_m, size_m),
+        center_m=_triple(center),
+        normal=_triple(pose[:3, 2]),
+        up=_triple(towards),
+    )
+
+
+def edge_offset(cover: float, angle: float) -> float:
+    """Return how far from a unit square's middle a straight edge lies, beyond which is a share `cover` of its area.
+
+    The edge is across a direction of `angle` (radians); the area beyond it is that of a sum of two uniform numbers.
+    """
+    if cover > 0.5:
+        return -edge_offset(1 - cover, angle)
+    short, long = sorted((abs(np.cos(angle)), abs(np.sin(angle))))
+    if cover * 2 * long <= short:
+        return float((long + short) / 2 - np.sqrt(2 * long * short * cover))
+    return float(long * (0.5 - cover))
+
+
+def _printed(table: SceneTable, spread: PrintSpread, draws: Draws) -> SceneTable:
+    """Return the scene with its markers, posters and clutter printed on one drawn material."""
+    glossy = draws.share("prints.gloss.draw") < draws.value("prints.gloss", spread.gloss)
+    material = MaterialTable(
+        kind="plastic" if glossy else "diffuse",
+        reflectance=(draws.value("prints.black", spread.black), draws.value("prints.white", spread.white)),
+        curve=spread.curve[draws.index("prints.curve", (1.0,) * len(spread.curve))],
+        roughness=draws.value("prints.roughness", spread.roughness),
+    )
+    printed: dict[str, object] = {
+        kind: tuple(one.model_copy(update={"material": _PRINT}) for one in getattr(table, kind))
+        for kind in ("markers", "posters")
+    }
+    textures = {
+        name: texture.model_copy(update={"material": _PRINT}) if name.startswith(("clutter", "occluder")) else texture
+        for name, texture in table.textures.items()
+    }
+    return table.model_copy(
+        update={**printed, "textures": textures, "materials": {**table.materials, _PRINT: material}}
+    )

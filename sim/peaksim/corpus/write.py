@@ -95,7 +95,7 @@ def open_job(job: Job) -> OpenJob:
     if sha256(store.read(layout.CONFIGURATION)).hexdigest() != job.configuration_sha256:
         raise InputError(f"{job.dest}: expected the {layout.CONFIGURATION} of this run, found another one")
     configuration = read_configuration(store)
-    here = versions(configuration.renderer)
+    here = versions(configuration.renderer, baked=True)
     for package, there in configuration.versions.items():
         if here.get(package) != there:
             raise InputError(

@@ -4,11 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from peaksim import render
 from peaksim.corpus.draws import sequence_draws
-from peaksim.corpus.plan import read_scene
-from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds, vary_scene
+from peaksim.corpus.plan import plan_frame, read_scene
+from peaksim.corpus.vary import all_markers, edge_offset, markers_needed, poster_kinds, vary_scene
 from peaksim.errors import SceneError
 from peaksim.scene.file import build_setup, load_scene
+from peaksim.scene.lamps import AreaLight
+from peaksim.scene.material import PRINT
 
 from tests.peaksim.corpus.helpers import tiny_spec
 
@@ -99,3 +104,56 @@ def test_a_variant_that_is_not_there_is_named(folder: Path) -> None:
     table, _ = read_scene("tiny.toml", folder)
     with pytest.raises(SceneError, match=r"textures.floor.variants: expected some of plain, striped, got 'lawn'"):
         vary_scene(table, tiny_spec(textures={"floor": {"variants": ["lawn"]}}), sequence_draws(0, 0))
+
+
+@given(st.floats(0.01, 0.99), st.floats(0, 2 * np.pi))
+def test_an_edge_cuts_the_stated_share_off_a_square(cover: float, angle: float) -> None:
+    edge = edge_offset(cover, angle)
+    x, y = (np.stack(np.meshgrid(np.arange(400), np.arange(400))) + 0.5) / 400 - 0.5
+    beyond = (x * np.cos(angle) + y * np.sin(angle) > edge).mean()
+    assert beyond == pytest.approx(cover, abs=0.005)
+
+
+def test_occluders_cover_the_stated_share_of_a_marker(folder: Path) -> None:
+    spec = tiny_spec(occluders={"share": 1, "cover": 0.3}, views=[{"kind": "marker", "distance_m": 0.8, "off_axis": 0}])
+    seen = []
+    for index in range(8):
+        plan = plan_frame(spec, folder, index)
+        truth = render(plan.scene, plan.camera, plan.world_from_camera, "exact").truth
+        seen += [m.visible_fraction for m in truth if plan.camera.contains(m.corners_xy).all() and m.visible_fraction]
+    assert len(seen) >= 8
+    # the share is that of the printed area; perspective makes another one of it in the image
+    assert np.median(seen) == pytest.approx(0.7, abs=0.03)
+    assert np.ptp(seen) < 0.3
+    assert plan_frame(tiny_spec(), folder, 0).scene.quads[-1].name == "wall"
+
+
+def test_prints_are_one_material_of_a_sequence(folder: Path) -> None:
+    spec = tiny_spec(prints={"gloss": 0.5}, clutter={"papers": 2})
+    materials = []
+    for sequence in range(3):
+        quads = plan_frame(spec, folder, 4 * sequence).scene.quads
+        (own,) = {quad.material for quad in quads if quad.marks}
+        assert {quad.material for quad in quads if quad.name in ("floor", "wall_x_min")} == {PRINT}
+        materials.append(own)
+    assert len(set(materials)) == 3
+    for own in materials:
+        assert 0.03 <= own.reflectance[0] <= 0.08
+        assert 0.75 <= own.reflectance[1] <= 0.9
+
+
+def test_lamps_hang_in_the_room_and_windows_shine_into_it(folder: Path) -> None:
+    light = {"ambient": 0.1, "lamps": 2, "windows": {"integers": [0, 2]}, "lamp_radiance": [5, 9]}
+    spec = tiny_spec(light=light)
+    plans = [plan_frame(spec, folder, index) for index in range(12)]
+    lamps = [lamp for plan in plans for lamp in plan.scene.lights if isinstance(lamp, AreaLight)]
+    assert len({len(plan.scene.lights) for plan in plans}) > 1
+    for lamp in lamps:
+        pose = lamp.world_from_light
+        corners = pose[:3, 3] + np.array([[x, y] for x in (-1, 1) for y in (-1, 1)]) / 2 * lamp.size_m @ pose[:3, :2].T
+        assert (np.abs(corners[:, :2]) <= 1 + 1e-9).all()
+        assert (corners[:, 2] >= 0).all()
+        assert (corners[:, 2] <= 1.5).all()
+        inwards = np.array([0, 0, 0.75]) - pose[:3, 3]
+        assert inwards @ np.array(lamp.normal) > 0
+        assert 5 <= lamp.radiance <= 9
