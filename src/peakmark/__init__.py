@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from peakmark.identification.api import identify as identify
     from peakmark.identification.detection import Detection as Detection
     from peakmark.keypoints.keypoints import Keypoints as Keypoints
+    from peakmark.localise.locate import FloorMap as FloorMap
+    from peakmark.maps.files import load_map as load_map
+    from peakmark.maps.locate import Location as Location
+    from peakmark.maps.locate import locate as locate
+    from peakmark.maps.marker_map import MarkerMap as MarkerMap
     from peakmark.markers import patterns as marker  # noqa: F401 — a public name, like all others
     from peakmark.version import __version__ as __version__
 
@@ -23,11 +28,16 @@ __all__, __getattr__, __dir__ = lazy_names(
     {
         "__version__": "peakmark.version",
         "Detection": "peakmark.identification.detection",
+        "FloorMap": "peakmark.localise.locate",
         "Found": "peakmark.found.found",
         "Keypoints": "peakmark.keypoints.keypoints",
+        "Location": "peakmark.maps.locate",
+        "MarkerMap": "peakmark.maps.marker_map",
         "decode_arrays": "peakmark.arrays.decode",
         "find": "peakmark.found.found",
         "identify": "peakmark.identification.api",
+        "load_map": "peakmark.maps.files",
+        "locate": "peakmark.maps.locate",
         "marker": "peakmark.markers.patterns",
         "surf": "peakmark.surf",
     },

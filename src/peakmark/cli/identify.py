@@ -4,14 +4,17 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, cast, get_args
+from typing import Annotated, Any, cast, get_args
 
+import numpy as np
+from peaksim.camera.camera import Camera
 from rich.console import Console
 from rich.table import Table
 from typer import Argument, Exit, Option
 
 from peakmark.cli.command import examples, print_error, resumable
 from peakmark.cli.identify_files import Identified, Sought, identify_images
+from peakmark.cli.locating import Locator, StampedPose, check_ending, write_poses
 from peakmark.cli.options import Quiet, UnusedSeed
 from peakmark.cli.sources import FailedFile, SourceImage, expanded, is_film, read_camera, read_sources
 from peakmark.cli.terminal import new_console, print_path, progress_bar
@@ -19,6 +22,7 @@ from peakmark.errors import InputError, check_choice, one_line
 from peakmark.experiments.journal import Journal
 from peakmark.found.rows import FoundRow
 from peakmark.found.tables import write_rows, writer_of
+from peakmark.maps.files import load_map
 from peakmark.markers.patterns import Polarity
 
 _MOST_SHOWN = 40
@@ -26,7 +30,7 @@ _MOST_SHOWN = 40
 
 
 @examples(
-    "peakmark identify photo.jpg --overlay out/drawn",
+    "peakmark identify photo.jpg --calibration cam.yaml --map sheet/result.json",
     "peakmark identify 'photos/*.jpg' film.mp4 --out out/found.csv --overlay out/drawn",
 )
 def identify(
@@ -40,6 +44,22 @@ def identify(
     overlay: Annotated[
         Path | None, Option(help="Folder for a drawing of each image, and a film of those of each film.")
     ] = None,
+    calibration: Annotated[
+        str | None,
+        Option(help="The camera: a file of OpenCV, ROS, Kalibr (FILE#cam0) or COLMAP. [default: a guess, said so]"),
+    ] = None,
+    map: Annotated[
+        str | None, Option(help="Where markers are: a sheet's result.json, a scene, or a TOML file; tells poses.")
+    ] = None,
+    poses: Annotated[
+        Path | None, Option(help="File for poses: .tum (and all else in a CSV file beside it), .csv or .jsonl.")
+    ] = None,
+    scale_bar_mm: Annotated[
+        float | None, Option(help="What the sheet's scale bar measures, if the printer changed its size.")
+    ] = None,
+    scale_calibration: Annotated[
+        bool, Option("--scale-calibration", help="The images are smaller or larger copies of the calibrated ones.")
+    ] = False,
     polarity: Annotated[str, Option(help="dark, light or both.")] = "both",
     camera: Annotated[int | None, Option(help="Take a camera's images instead of files, by its number.")] = None,
     frames: Annotated[int | None, Option(help="So many images of --camera. [default: until Ctrl-C]")] = None,
@@ -51,41 +71,77 @@ def identify(
 ) -> None:
     """Find markers and arrays in images, folders, films, or a camera's images.
 
-    Prints what is in each image, and why an image has nothing. A file of rows has one row an array or marker: file,
-    frame, kind, code, polarity, x, y, side_px, probability, sigma_px and four corners (px, pixel centres at integers).
-    Files that cannot be read are named and left out; the exit status is then 1. An interrupted run with --out resumes.
+    Prints what is in each image, and why an image has nothing; with --map also where the camera was. A file of rows has
+    one row an array or marker: file, frame, kind, code, polarity, x, y, side_px, probability, sigma_px and four corners
+    (px, pixel centres at integers). Files that cannot be read are named and left out; the exit status is then 1. An
+    interrupted run with --out or --poses resumes.
     """
     console = new_console(quiet)
     check_choice(polarity, (*get_args(Polarity), "both"), "--polarity")
-    if out is not None:
-        writer_of(out)
+    for path, check in ((out, writer_of), (poses, check_ending)):
+        if path is not None:
+            check(path)
     named = _sources(sources, camera, frames)
+    locator = _locator(calibration, map, scale_bar_mm, scale_calibration, poses)
     failures: list[FailedFile] = []
 
     def fail(one: FailedFile) -> None:
         failures.append(one)
         print_error(one.reason)
 
-    images = read_sources(named, not raw_orientation, fail) if camera is None else read_camera(camera, frames)
-    journal = None if out is None or camera is not None else _journal(out, named, polarity, raw_orientation)
+    read = None if locator is None or raw_orientation else locator.read
+    is_upright = not raw_orientation and calibration is None
+    images = read_sources(named, is_upright, fail, read) if camera is None else read_camera(camera, frames)
+    settings = {"sources": named, "polarity": polarity, "raw_orientation": raw_orientation}
+    settings |= {"calibration": calibration, "map": map, "scale_bar_mm": scale_bar_mm, "scaled": scale_calibration}
+    target = out if out is not None else poses
+    journal = None if target is None or camera is not None else _journal(target, settings)
     total = None if camera is not None or any(Path(one).is_dir() or is_film(Path(one)) for one in named) else len(named)
-    summary = _Summary(console, is_alone=len(named) == 1 and total is not None)
+    summary = _Summary(console, len(named) == 1 and total is not None, locator)
     how = "the same command resumes" if journal is not None else "nothing was written; with --out it would resume"
     ended = resumable(how) if camera is None else suppress(KeyboardInterrupt)  # which is how a camera's run ends
+    skip = None if len(named) == 1 and total is not None else fail
     with ended, progress_bar(console, "identify", total) as bar:
-        for each, identified in identify_images(images, cast(Sought, polarity), journal, overlay):
+        for each, identified in identify_images(images, cast(Sought, polarity), journal, overlay, locator, skip):
             summary.add(each, identified, keep_rows=out is not None)
             bar.advance()
     summary.print(len(failures))
+    _write(console, summary, out, poses, overlay)
+    if journal is not None:
+        _forget(journal)
+    if failures:
+        raise Exit(1)
+
+
+def _locator(
+    calibration: str | None, map: str | None, scale_bar_mm: float | None, may_scale: bool, poses: Path | None
+) -> Locator | None:
+    """Return what poses are computed from; None where neither a calibration nor a map is given."""
+    alone = {"--poses": poses, "--scale-bar-mm": scale_bar_mm} if map is None else {}
+    alone |= {"--scale-calibration": may_scale or None} if calibration is None else {}
+    for name, value in alone.items():
+        if value is not None:
+            needed = "--calibration" if name == "--scale-calibration" else "--map"
+            raise InputError(f"{name}: expected together with {needed}")
+    if calibration is None and map is None:
+        return None
+    return Locator(
+        None if calibration is None else Camera.load(calibration),
+        calibration or "",
+        None if map is None else load_map(map, scale_bar_mm),
+        may_scale,
+    )
+
+
+def _write(console: Console, summary: "_Summary", out: Path | None, poses: Path | None, overlay: Path | None) -> None:
     if out is not None:
         write_rows(out, summary.rows)
         print_path(console, out, "Rows")
-    if journal is not None:
-        _forget(journal)
+    if poses is not None:
+        for path in write_poses(poses, summary.poses):
+            print_path(console, path, "Poses")
     if overlay is not None:
         print_path(console, overlay, "Drawings")
-    if failures:
-        raise Exit(1)
 
 
 def _sources(sources: list[str] | None, camera: int | None, frames: int | None) -> list[str]:
@@ -100,10 +156,9 @@ def _sources(sources: list[str] | None, camera: int | None, frames: int | None) 
     return []
 
 
-def _journal(out: Path, sources: list[str], polarity: str, raw_orientation: bool) -> Journal:
-    """Open what an interrupted run left beside `out`."""
-    settings = {"sources": sources, "polarity": polarity, "raw_orientation": raw_orientation}
-    return Journal.open(out.with_name(f"{out.name}.unfinished"), settings)
+def _journal(target: Path, settings: dict[str, Any]) -> Journal:
+    """Open what an interrupted run left beside the file that it was to write."""
+    return Journal.open(target.with_name(f"{target.name}.unfinished"), settings)
 
 
 def _forget(journal: Journal) -> None:
@@ -114,12 +169,15 @@ def _forget(journal: Journal) -> None:
 
 @dataclass
 class _Summary:
-    """What the terminal shows, and the rows for the file."""
+    """What the terminal shows, and the rows for the files."""
 
     console: Console
     is_alone: bool
     """Whether one image is all, so that its table is worth showing."""
+    locator: Locator | None
+    """What poses are computed from."""
     rows: list[FoundRow] = field(default_factory=list)
+    poses: list[StampedPose] = field(default_factory=list)
     images: int = 0
     markers: int = 0
     codes: Counter[int | None] = field(default_factory=Counter)
@@ -128,6 +186,10 @@ class _Summary:
 
     def add(self, each: SourceImage, identified: Identified, keep_rows: bool) -> None:
         """Count an image, and print its line."""
+        self._say_what_is_assumed(each)
+        if identified.pose is not None:
+            stamp = float(self.images) if each.time_s is None else each.time_s
+            self.poses.append(StampedPose(each.file, each.frame, self.images, stamp, identified.pose))
         self.images += 1
         self.markers += identified.markers
         self.codes.update(identified.codes)
@@ -135,7 +197,9 @@ class _Summary:
         if keep_rows:
             self.rows += identified.rows
         if each.frame is None:
-            self.console.print(f"{one_line(each.file)}: {_words(identified)}", soft_wrap=True, highlight=False)
+            self._print(f"{one_line(each.file)}: {_words(identified)}")
+            for line in _pose_words(identified):
+                self._print(f"  {line}")
         if self.is_alone and identified.rows:
             self.console.print(_table(identified.rows))
 
@@ -143,14 +207,39 @@ class _Summary:
         """Print the line of all images."""
         if self.is_alone and not failed:
             return
+        codes = {code: count for code, count in sorted(self.codes.items(), key=_by_code) if code is not None}
         arrays = f"{self.codes.total()} arrays" if self.codes else "no arrays"
-        named = ", ".join(
-            f"{code} ×{count}" for code, count in sorted(self.codes.items(), key=_by_code) if code is not None
-        )
+        named = f" (codes {', '.join(f'{code} ×{count}' for code, count in codes.items())})" if codes else ""
+        has_map = self.locator is not None and self.locator.marker_map is not None
+        located = f", {len(self.poses)} poses" if has_map else ""
         empty = f"; nothing in {self.empty}" if self.empty else ""
         left_out = f"; {failed} left out" if failed else ""
-        of = f"{self.images} images: {self.markers} markers, {arrays}" + (f" (codes {named})" if named else "")
-        self.console.print(of + empty + left_out, soft_wrap=True, highlight=False)
+        self._print(f"{self.images} images: {self.markers} markers, {arrays}{named}{located}{empty}{left_out}")
+
+    def _say_what_is_assumed(self, each: SourceImage) -> None:
+        if self.images == 0 and self.locator is not None and (note := self.locator.assumption(each)):
+            self._print(f"note: {note}")
+
+    def _print(self, line: str) -> None:
+        self.console.print(line, soft_wrap=True, highlight=False)
+
+
+def _pose_words(identified: Identified) -> list[str]:
+    """Return where the camera was, in lines; none where nobody asked."""
+    pose = identified.pose
+    if pose is None:
+        return [f"no pose: {identified.pose_reason}"] if identified.pose_reason else []
+    x, y, z = pose.world_from_camera[:3, 3]
+    sigma_mm = 1000 * float(np.linalg.norm(pose.position_sigma_m))
+    on_page = "" if pose.page is None else f" over page {pose.page}"
+    line = (
+        f"camera at ({x:.4f}, {y:.4f}, {z:.4f}) m{on_page}, ±{sigma_mm:.2g} mm, ±{pose.rotation_sigma_deg:.2g}°; "
+        f"{pose.markers} markers fit to {pose.rms_px:.2f} px"
+    )
+    if pose.is_certain or pose.other is None:
+        return [line]
+    x, y, z = pose.other[:3, 3]
+    return [line, f"or at ({x:.4f}, {y:.4f}, {z:.4f}) m, which explains the image nearly as well"]
 
 
 def _by_code(item: tuple[int | None, int]) -> int:

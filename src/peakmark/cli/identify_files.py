@@ -12,13 +12,16 @@ from peaksim.whole_file import whole_file
 from PIL import Image
 
 from peakmark.cli.film_file import frames_per_second
-from peakmark.cli.sources import SourceImage
-from peakmark.errors import InputError
+from peakmark.cli.locating import Locator, PoseRecord, record_of
+from peakmark.cli.sources import FailedFile, OnFailure, SourceImage
+from peakmark.errors import ImageError, InputError
 from peakmark.experiments.journal import Journal
 from peakmark.found.absence import why_nothing
 from peakmark.found.found import find
-from peakmark.found.rows import FoundRow
+from peakmark.found.rows import FoundRow, undistorted
 from peakmark.keypoints.image import as_gray
+from peakmark.maps.locate import location_or_reason
+from peakmark.markers.array_code import THREE_BIT
 from peakmark.markers.patterns import Polarity
 from peakmark.plain import from_plain, to_plain
 from peakmark.report.film import film
@@ -40,6 +43,10 @@ class Identified:
     """Arrays first, then markers."""
     reason: str
     """Why there are none, in an image of its own; otherwise empty."""
+    pose: PoseRecord | None = None
+    """Where the camera was, if that was asked for and can be told."""
+    pose_reason: str = ""
+    """Why it cannot."""
 
     @property
     def markers(self) -> int:
@@ -53,11 +60,18 @@ class Identified:
 
 
 def identify_images(
-    images: Iterable[SourceImage], polarity: Sought, journal: Journal | None = None, overlays: Path | None = None
+    images: Iterable[SourceImage],
+    polarity: Sought,
+    journal: Journal | None = None,
+    overlays: Path | None = None,
+    locator: Locator | None = None,
+    on_failure: OnFailure | None = None,
 ) -> Iterator[tuple[SourceImage, Identified]]:
     """Yield each image with what was found in it; what the journal has is not done again.
 
-    `overlays` is a folder that gets a drawing of each image, and a film of the drawings of each film.
+    `overlays` is a folder that gets a drawing of each image, and a film of the drawings of each film. With a `locator`
+    positions are undistorted, too, and the camera's pose is told; images of another size than the calibration's go to
+    `on_failure` where it is given.
 
     Raises
     ------
@@ -70,16 +84,35 @@ def identify_images(
             if journal is not None and key in journal.records:
                 identified = from_plain(Identified, journal.records[key])
             else:
-                identified = _identified(each, polarity)
+                try:
+                    identified = _identified(each, polarity, locator)
+                except ImageError as error:
+                    if on_failure is None:
+                        raise
+                    on_failure(FailedFile(each.name, str(error)))
+                    continue
                 if journal is not None:
                     journal.add(key, to_plain(identified))
             drawings.add(each, identified.rows)
             yield each, identified
 
 
-def _identified(each: SourceImage, polarity: Sought) -> Identified:
-    rows = find(each.image, polarity).rows(each.file, each.frame)
-    return Identified(rows, "" if rows or each.frame is not None else why_nothing(as_gray(each.image)))
+def _identified(each: SourceImage, polarity: Sought, locator: Locator | None) -> Identified:
+    camera = None if locator is None else locator.camera_of(each)
+    marker_map = None if locator is None else locator.marker_map
+    found = find(each.image, polarity, THREE_BIT if marker_map is None else marker_map.layout)
+    rows = found.rows(each.file, each.frame)
+    reason = "" if rows or each.frame is not None else why_nothing(as_gray(each.image))
+    if locator is None or camera is None:
+        return Identified(rows, reason)
+    if locator.calibration is not None:
+        rows = tuple(undistorted(row, camera) for row in rows)
+    if marker_map is None:
+        return Identified(rows, reason)
+    where = location_or_reason(found, camera, marker_map)
+    if isinstance(where, str):
+        return Identified(rows, reason, pose_reason=where)
+    return Identified(rows, reason, record_of(where))
 
 
 def _key(each: SourceImage) -> str:

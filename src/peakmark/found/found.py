@@ -12,6 +12,7 @@ from peakmark.found.tables import data_frame
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.image import as_gray
+from peakmark.markers.array_code import THREE_BIT, Layout
 from peakmark.markers.patterns import Polarity
 
 
@@ -36,10 +37,11 @@ class Found:
         return data_frame(self.rows())
 
 
-def find(image: ArrayLike, polarity: Polarity | Literal["both"] = "both") -> Found:
+def find(image: ArrayLike, polarity: Polarity | Literal["both"] = "both", layout: Layout = THREE_BIT) -> Found:
     """Return the markers of an image and the arrays among them: `identify`, then `decode_arrays`.
 
-    `image` is grey or RGB, see `as_gray`; a single polarity forms no arrays but those of that polarity alone.
+    `image` is grey or RGB, see `as_gray`; a single polarity forms no arrays but those of that polarity alone. `layout`
+    is that of the printed arrays.
 
     Raises
     ------
@@ -47,10 +49,10 @@ def find(image: ArrayLike, polarity: Polarity | Literal["both"] = "both") -> Fou
         If the polarity is unknown, or the image is none.
     """
     gray = as_gray(image)
-    return found_in(gray, identify(gray, polarity=polarity))
+    return found_in(gray, identify(gray, polarity=polarity), layout)
 
 
-def found_in(image: ArrayLike, markers: Iterable[Detection]) -> Found:
+def found_in(image: ArrayLike, markers: Iterable[Detection], layout: Layout = THREE_BIT) -> Found:
     """Return detections with the arrays that they form in their image."""
     gray, kept = as_gray(image), tuple(markers)
-    return Found(kept, decode_arrays(kept, image=gray), (gray.shape[1], gray.shape[0]))
+    return Found(kept, decode_arrays(kept, layout, image=gray), (gray.shape[1], gray.shape[0]))

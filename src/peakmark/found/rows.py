@@ -1,10 +1,11 @@
 """A marker or an array as one row of plain values, the same in CSV, JSON lines, Parquet and data frames."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
 
 from peakmark.arrays.decode import MarkerArray
 from peakmark.found.outline import marker_corners_px, outline_px
@@ -42,6 +43,18 @@ class FoundRow:
     """Of the pattern, or around the array from its blank corner, clockwise in the image."""
     doubt: str
     """Why an array has no code; otherwise empty."""
+    x_undistorted: float | None = None
+    y_undistorted: float | None = None
+    """Where a pinhole camera with the same matrix would see the centre; None without a calibration."""
+
+
+def undistorted(row: FoundRow, camera: Camera) -> FoundRow:
+    """Return a row with the undistorted centre, too; nan, beyond what the lens shows, is left out."""
+    ray = camera.unproject([(row.x, row.y)])[0]
+    if not ray[2] > 0:
+        return row
+    x, y = camera.matrix[:2] @ (ray / ray[2])
+    return replace(row, x_undistorted=float(x), y_undistorted=float(y))
 
 
 def marker_row(marker: Detection, file: str = "", frame: int | None = None) -> FoundRow:

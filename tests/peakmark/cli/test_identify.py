@@ -6,53 +6,27 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from io import StringIO
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from peakmark.cli.app import app
-from peakmark.cli.command import run_command
 from peakmark.cli.film_file import read_film
 from peakmark.errors import one_line
 from tests.helpers import marker_view
 from tests.peakmark.cli.films import write_film
+from tests.peakmark.cli.running import Run, runner
 from tests.places import SOURCES
 
 DARK, LIGHT, EMPTY = marker_view(48), marker_view(60, polarity="light"), np.full((257, 257), 128, np.uint8)
 
 
-@dataclass(frozen=True)
-class Done:
-    """What a command left: exit status and both streams."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-Identify = Callable[..., Done]
-
-
 @pytest.fixture
-def identify(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Identify:
-    """Return what runs the command in the folder, in this process."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setenv("COLUMNS", "120")
-
-    def run(*arguments: str, stdin: str = "") -> Done:
-        monkeypatch.setattr("sys.argv", ["peakmark", "identify", *arguments])
-        monkeypatch.setattr("sys.stdin", StringIO(stdin))
-        with pytest.raises(SystemExit) as ended:
-            run_command(app)
-        shown = capfd.readouterr()
-        return Done(int(str(ended.value.code)), shown.out, shown.err)
-
-    return run
+def identify(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    """Return what runs the command in the folder."""
+    return partial(runner(folder, monkeypatch, capfd), "identify")
 
 
 def written(path: Path) -> list[tuple[str, str, str]]:
@@ -72,7 +46,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_one_image_is_a_table_and_an_empty_one_says_why(folder: Path, identify: Identify) -> None:
+def test_one_image_is_a_table_and_an_empty_one_says_why(folder: Path, identify: Run) -> None:
     done = identify("in/dark.png")
     assert (done.returncode, done.stderr) == (0, "")
     assert "in/dark.png: 1 markers" in done.stdout
@@ -83,7 +57,7 @@ def test_one_image_is_a_table_and_an_empty_one_says_why(folder: Path, identify: 
     assert "too little contrast" in done.stdout
 
 
-def test_folders_patterns_films_and_lists_are_one_run(folder: Path, identify: Identify) -> None:
+def test_folders_patterns_films_and_lists_are_one_run(folder: Path, identify: Run) -> None:
     Image.fromarray(DARK).save(folder / "listed.png")
     sources = ("in", "*.mp4", "-", "missing.png")
     done = identify(*sources, "--out", "f.csv", "--overlay", "drawn", stdin="listed.png\n\n")
@@ -102,7 +76,7 @@ def test_folders_patterns_films_and_lists_are_one_run(folder: Path, identify: Id
     assert not list(folder.glob("*.unfinished"))
 
 
-def test_a_second_run_does_not_read_the_drawings_of_the_first(folder: Path, identify: Identify) -> None:
+def test_a_second_run_does_not_read_the_drawings_of_the_first(folder: Path, identify: Run) -> None:
     for _ in range(2):
         done = identify("in", "--overlay", "in", "--quiet", "--out", "f.csv")
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
@@ -123,7 +97,7 @@ def test_a_second_run_does_not_read_the_drawings_of_the_first(folder: Path, iden
         (["in", "--overlay", "in/dark.png"], "--overlay in/dark.png: expected a folder: File exists"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(folder: Path, identify: Identify, arguments: list[str], words: str) -> None:
+def test_bad_input_is_one_line_and_status_2(folder: Path, identify: Run, arguments: list[str], words: str) -> None:
     done = identify(*arguments)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
@@ -131,7 +105,7 @@ def test_bad_input_is_one_line_and_status_2(folder: Path, identify: Identify, ar
     assert sorted(path.name for path in folder.iterdir()) == ["film.mp4", "in"]
 
 
-def test_a_film_that_ends_midway_keeps_what_was_found(folder: Path, identify: Identify) -> None:
+def test_a_film_that_ends_midway_keeps_what_was_found(folder: Path, identify: Run) -> None:
     frames = np.random.default_rng(0).integers(0, 255, (12, 258, 258), dtype=np.uint8)
     frames[:, 80:177, 80:177] = DARK[80:177, 80:177]
     write_film(folder / "cut.avi", list(frames))
@@ -143,7 +117,7 @@ def test_a_film_that_ends_midway_keeps_what_was_found(folder: Path, identify: Id
     assert 0 < len(written(folder / "f.csv")) < 12
 
 
-def test_an_interrupted_run_resumes_and_gives_the_same_rows(folder: Path, identify: Identify) -> None:
+def test_an_interrupted_run_resumes_and_gives_the_same_rows(folder: Path, identify: Run) -> None:
     for number in range(16):
         Image.fromarray(DARK if number % 2 else LIGHT).save(folder / "in" / f"{number:02d}.png")
     command = [sys.executable, "-m", "peakmark.cli", "identify", "in", "--out", "f.csv"]
@@ -167,7 +141,7 @@ def test_an_interrupted_run_resumes_and_gives_the_same_rows(folder: Path, identi
     assert len(written(folder / "f.csv")) == 18
 
 
-def test_a_name_that_a_terminal_would_obey_is_escaped(folder: Path, identify: Identify) -> None:
+def test_a_name_that_a_terminal_would_obey_is_escaped(folder: Path, identify: Run) -> None:
     Image.fromarray(DARK).save(folder / "a\x1b[31m.png")
     done = identify("a\x1b[31m.png")
     assert one_line("a\x1b[31m.png") in done.stdout

@@ -1,0 +1,227 @@
+"""Poses for `peakmark identify`: the camera of each image, where it is on the map, and the files of poses."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from peaksim.camera.camera import Camera, resized
+from peaksim.camera.guess import PHONE_35MM, guessed_camera
+from peaksim.exif_file import focal_35mm_of
+from peaksim.geometry.trajectory import Trajectory, quaternions_xyzw
+from peaksim.geometry.trajectory_file import to_text
+from peaksim.image_file import read_image
+from peaksim.whole_file import write_whole
+
+from peakmark.cli.sources import SourceImage
+from peakmark.errors import ImageError, InputError
+from peakmark.maps.locate import Location
+from peakmark.maps.marker_map import MarkerMap
+
+
+@dataclass(frozen=True)
+class PoseRecord:
+    """Where the camera was for one image, as plain values."""
+
+    world_from_camera: NDArray[np.float64]
+    """(4, 4)."""
+    covariance: NDArray[np.float64]
+    """(6, 6), see `Location`."""
+    position_sigma_m: NDArray[np.float64]
+    """(3,) world."""
+    rotation_sigma_deg: float
+    """Root of the sum over three axes."""
+    markers: int
+    """Of the map that were seen."""
+    rms_px: float
+    """Reprojection error of their centres."""
+    is_certain: bool
+    """Whether no other pose explains the image nearly as well."""
+    other: NDArray[np.float64] | None
+    """(4, 4) the second solution; None without one."""
+    page: int | None
+    """Sheet of paper whose frame it is in."""
+
+
+@dataclass(frozen=True)
+class Locator:
+    """What poses are computed from."""
+
+    calibration: Camera | None
+    """None guesses the field of view."""
+    name: str
+    """What messages call the calibration."""
+    marker_map: MarkerMap | None
+    """None gives undistorted positions alone."""
+    may_scale: bool = False
+    """Whether the calibration is scaled to images of another size and the same shape."""
+
+    def read(self, path: Path) -> NDArray[Any]:
+        """Return an image as the calibration was made of it: the sensor's own pixels if they are of its size."""
+        if self.calibration is None:
+            return read_image(path)
+        raw = read_image(path, is_upright=False)
+        shape = np.array([raw.shape[1], raw.shape[0]]) * (self.calibration.height, self.calibration.width)
+        return raw if abs(shape[0] - shape[1]) <= 2 * max(raw.shape[:2]) else read_image(path)
+
+    def camera_of(self, each: SourceImage) -> Camera:
+        """Return the camera of an image.
+
+        Raises
+        ------
+        ImageError
+            If the calibration is of another size.
+        """
+        height, width = each.image.shape[:2]
+        if self.calibration is None:
+            return guessed_camera(width, height, focal_35mm_of(each.file))
+        stated = (self.calibration.width, self.calibration.height)
+        if stated == (width, height):
+            return self.calibration
+        scaled = resized(self.calibration, width / stated[0])
+        is_alike = (scaled.width, scaled.height) == (width, height)
+        if self.may_scale and is_alike:
+            return scaled
+        todo = "--scale-calibration if it is a smaller or larger copy" if is_alike else "calibrate with such images"
+        if stated == (height, width):
+            todo = "it is rotated by 90°: calibrate with images that are held alike"
+        raise ImageError(
+            f"{each.file}: expected {stated[0]}×{stated[1]} px, the size of {self.name}, got {width}×{height}; {todo}"
+        )
+
+    def assumption(self, each: SourceImage) -> str:
+        """Return what is taken for granted about the camera of an image, in words; empty where it is calibrated."""
+        if self.calibration is not None:
+            return ""
+        stated = focal_35mm_of(each.file)
+        source = "in its EXIF" if stated else "of most phones"
+        return (
+            f"no --calibration: taking the focal length {source}, {stated or PHONE_35MM:g} mm on 35 mm film, and no "
+            "distortion; distances are off by as much as it is"
+        )
+
+
+def record_of(where: Location) -> PoseRecord:
+    """Return a location as plain values."""
+    return PoseRecord(
+        where.world_from_camera,
+        where.covariance,
+        where.position_sigma_m,
+        where.rotation_sigma_deg,
+        int((where.marker_of >= 0).sum()),
+        where.rms_px,
+        where.is_certain,
+        where.other,
+        where.page,
+    )
+
+
+# --- files ----------------------------------------------------------------------------------------------------
+
+ENDINGS = (".tum", ".txt", ".csv", ".jsonl")
+"""Of files of poses: TUM for the first two, with everything else in a CSV file beside it."""
+
+
+@dataclass(frozen=True)
+class StampedPose:
+    """A pose with the image that it belongs to."""
+
+    file: str
+    frame: int | None
+    """See `SourceImage`."""
+    number: int
+    """Of the image in this run, from 0."""
+    stamp: float
+    """Seconds in a film or of a camera; of an image its number."""
+    record: PoseRecord
+
+
+def write_poses(path: Path, poses: Sequence[StampedPose]) -> list[Path]:
+    """Write poses and return the files: PATH, and PATH.csv beside a TUM file, each whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the name has another ending, or cannot be written.
+    """
+    check_ending(path)
+    poses = in_order(poses)
+    rows = [_flat(pose) for pose in poses]
+    contents = {path: _csv(rows)} if path.suffix == ".csv" else {path: _json_lines(rows)}
+    if path.suffix in (".tum", ".txt"):
+        contents = {path: _tum(poses), path.with_suffix(".csv"): _csv(rows)}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for target, text in contents.items():
+            write_whole(target, text.encode("utf-8", "backslashreplace"))
+    except OSError as error:
+        raise InputError(f"--poses {path}: expected a file that can be written: {error.strerror or error}") from error
+    return list(contents)
+
+
+def in_order(poses: Sequence[StampedPose]) -> list[StampedPose]:
+    """Return poses with stamps that grow: those they have, or, of several films or films and images, numbers."""
+    stamps = [pose.stamp for pose in poses]
+    if all(a < b for a, b in pairwise(stamps)):
+        return list(poses)
+    return [replace(pose, stamp=float(pose.number)) for pose in poses]
+
+
+def check_ending(path: Path) -> None:
+    """Refuse a file of poses by its ending."""
+    if path.suffix not in ENDINGS:
+        raise InputError(f"--poses {path}: expected a name ending in {', '.join(ENDINGS)}")
+
+
+def _tum(poses: Sequence[StampedPose]) -> str:
+    if not poses:
+        return "# no pose\n"
+    stamps, placed = [pose.stamp for pose in poses], [pose.record.world_from_camera for pose in poses]
+    return to_text(Trajectory(np.array(stamps), np.array(placed)))
+
+
+def _flat(pose: StampedPose) -> dict[str, Any]:
+    """Return the columns of a pose; the covariance as its upper triangle, row by row."""
+    record = pose.record
+    upper = record.covariance[np.triu_indices(6)]
+    names = [f"c{i}{j}" for i, j in zip(*np.triu_indices(6), strict=True)]
+    return {
+        "file": pose.file,
+        "frame": pose.frame,
+        "stamp": pose.stamp,
+        **_columns("", record.world_from_camera),
+        "markers": record.markers,
+        "rms_px": record.rms_px,
+        **dict(zip(("sigma_x_m", "sigma_y_m", "sigma_z_m"), map(float, record.position_sigma_m), strict=True)),
+        "sigma_deg": record.rotation_sigma_deg,
+        "is_certain": record.is_certain,
+        "page": record.page,
+        **_columns("other_", record.other),
+        **dict(zip(names, map(float, upper), strict=True)),
+    }
+
+
+def _columns(prefix: str, pose: NDArray[np.float64] | None) -> dict[str, float | None]:
+    names = [f"{prefix}{name}" for name in ("tx", "ty", "tz", "qx", "qy", "qz", "qw")]
+    if pose is None:
+        return dict.fromkeys(names)
+    quaternion = quaternions_xyzw(Trajectory(np.zeros(1), pose[None]))[0]
+    return dict(zip(names, map(float, (*pose[:3, 3], *quaternion)), strict=True))
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> str:
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]) if rows else ["file", "frame", "stamp"])
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _json_lines(rows: Sequence[dict[str, Any]]) -> str:
+    return "".join(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows)
