@@ -12,15 +12,40 @@ from peakmark.version import __version__
 
 COMMANDS = {
     "marker": ("peakmark.cli.marker:marker", "Write a print-ready sheet of markers."),
-    "envelope": (
-        "peakmark.cli.envelope:envelope",
-        "Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates.",
-    ),
     "identify": (
         "peakmark.cli.identify:identify",
         "Find markers and arrays in images, folders, films, or a camera's images.",
     ),
+    "envelope": (
+        "peakmark.cli.envelope:envelope",
+        "Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates.",
+    ),
     "detect": ("peakmark.cli.detect:detect", "Detect and describe key points in images, folders and films."),
+    "render": ("peakmark.cli.render:render", "Render the images of a scene, with exact truth."),
+    "floor": (
+        "peakmark.cli.floor:render_floor",
+        "Redo the paper's robot experiment: a lab floor with 14 markers, found with SURF, scored against truth.",
+    ),
+    "fly": (
+        "peakmark.cli.floor:fly",
+        "Fly a camera over a floor of markers: find them, and locate the camera by them.",
+    ),
+    "drive": (
+        "peakmark.cli.floor:drive_floor",
+        "Let a robot drive along random lines of floor markers by nothing but what its camera sees of them.",
+    ),
+    "cave": (
+        "peakmark.cli.cave:render_cave",
+        "Redo the paper's SIFT/SURF CAVE: render a room of posters, read its 3-bit marker arrays, score against truth.",
+    ),
+    "detectability": (
+        "peakmark.cli.detectability:detectability",
+        "Redo the experiments of Section 4.1 with intervals: scale, rotation, tilt, noise, blur, compression, light.",
+    ),
+    "compare": (
+        "peakmark.cli.cave:compare_fiducials",
+        "Compare markers and arrays with ArUco 4×4 and AprilTag 36h11 of the same printed side, on the same walls.",
+    ),
     "corpus": ("peakmark.cli.corpus:app", "Annotated image sets of any size, rendered with exact truth."),
     "regress": ("peakmark.cli.regress:app", "A detector's figures on rendered fly-throughs, beside accepted ones."),
 }
@@ -47,7 +72,9 @@ def load_command(name: str) -> Any:
     return get_command(alone)
 
 
-app = plain_app(cls=LazyGroup, no_args_is_help=True, help="Markers that SIFT and SURF cannot miss.")
+app = plain_app(
+    cls=LazyGroup, add_completion=True, no_args_is_help=True, help="Markers that SIFT and SURF cannot miss."
+)
 
 
 def _print_version(wanted: bool) -> None:

@@ -19,7 +19,7 @@ from peakmark.experiments.cave.training import TrainingConfig
 from peakmark.experiments.cave.walk import CaveConfig
 
 
-@examples("python scripts/render_cave.py --out out/cave", "python scripts/render_cave.py --frames 40")
+@examples("peakmark cave --out out/cave", "peakmark cave --frames 40 --out out/walk")
 def render_cave(
     scene: Annotated[str, Option(help="Scene file, or the name of a shipped scene.")] = CaveConfig.scene,
     out: Out = Path("out/cave"),
@@ -120,7 +120,7 @@ def dense_wall(
     print_path(console, out / "report.html")
 
 
-@examples("python scripts/compare_fiducials.py", "python scripts/compare_fiducials.py --trials 5 --out out/fiducials")
+@examples("peakmark compare --out out/fiducials", "peakmark compare --trials 5 --out out/quick")
 def compare_fiducials(
     out: Out = Path("out/fiducials"),
     trials: Annotated[int, Option(help="Images a condition and design.")] = 25,

@@ -28,7 +28,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 def plain_app(**settings: Any) -> typer.Typer:
     """Return a Typer app whose help is plain text: Rich would take [brackets] for markup, and switches for <bool>."""
-    return typer.Typer(add_completion=False, rich_markup_mode=None, **settings)
+    return typer.Typer(**{"add_completion": False, "rich_markup_mode": None, **settings})
 
 
 def examples(*lines: str) -> Callable[[Command], Command]:

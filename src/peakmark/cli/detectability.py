@@ -1,4 +1,4 @@
-"""The command behind `scripts/detectability.py`: arguments, progress, and what the terminal shows."""
+"""`peakmark detectability`: arguments, progress, and what the terminal shows."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,10 +16,7 @@ QUICK = {"trials": 8, "every": 4}
 """What --quick sets: about a minute on two cores."""
 
 
-@examples(
-    "python scripts/detectability.py --quick",
-    "python scripts/detectability.py --only scale --detector cv2:ORB --workers 2",
-)
+@examples("peakmark detectability --quick", "peakmark detectability --only scale --detector cv2:ORB --workers 2")
 def detectability(
     out: Annotated[Path, Option(help="Folder for the results; an interrupted run there resumes.")] = Path(
         "out/detectability"

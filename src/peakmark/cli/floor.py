@@ -5,7 +5,7 @@ from typing import Annotated, cast
 
 from peaksim.rendering import Renderer
 from rich.console import Console
-from typer import Option
+from typer import Argument, Option
 
 from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, Samples, SensorName
@@ -23,10 +23,7 @@ _WITH_RESUME = "the same command with --resume resumes"
 _STAGES = "render, detect, identify, score"
 
 
-@examples(
-    "python scripts/render_floor.py --out out/floor",
-    "python scripts/render_floor.py --scene hall --trajectory stroll --resume --out out/flight",
-)
+@examples("peakmark floor --out out/floor", "peakmark floor --texture brick --frames 60 --out out/film")
 def render_floor(
     scene: Annotated[str | None, Option(help="Scene file, or the name of a shipped scene. [default: floor]")] = None,
     out: Out = Path("out/floor"),
@@ -61,7 +58,7 @@ def render_floor(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Redo the paper's robot experiment: render a lab floor with 14 markers, find them with SURF, score against truth.
+    """Redo the paper's robot experiment: a lab floor with 14 markers, found with SURF, scored against truth.
 
     Writes frame.png, overlay.png (Figure 10), responses.png (Figure 11), signatures.png (Figure 12), report.html and
     result.json; with --frames also frames.csv and flight.mp4. With --trajectory it flies through instead, and writes
@@ -100,6 +97,41 @@ def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) ->
     print_table(console, title, FIGURES_WITH_INTERVALS, flight_report.result_rows(result))
 
 
+@examples("peakmark fly stroll --out out/flight", "peakmark fly poses.tum --scene hall --frames 20 --resume")
+def fly(
+    trajectory: Annotated[
+        str, Argument(help="A ride (stroll, bumpy, sharp or a TOML file), or TUM, EuRoC or KITTI poses.")
+    ] = "stroll",
+    scene: Annotated[str | None, Option(help="Scene to fly through. [default: the ride's own]")] = None,
+    out: Out = Path("out/flight"),
+    renderer: Annotated[str, Option(help="gl (pyrender), exact (no OpenGL), traced (Mitsuba) or auto.")] = "auto",
+    samples: Samples = FlightConfig.samples,
+    sensor: SensorName = None,
+    bake: Bake = True,
+    seed: NoiseSeed = 0,
+    texture: Annotated[str | None, Option(help="Floor photograph. [default: the scene's first]")] = None,
+    stretch: Annotated[
+        float | None, Option(help="Vertical stretch before detection. [default: what the ride's pitch implies]")
+    ] = None,
+    frames: Annotated[int | None, Option(help="Only so many frames, from the start. [default: all]")] = None,
+    map: Annotated[str | None, Option(help="Scene whose markers are the map. [default: the one flown through]")] = None,
+    resume: Annotated[bool, Option("--resume", help="Keep the finished frames of an interrupted flight.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fly a camera over a floor of markers: find them, and locate the camera by them.
+
+    Writes frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and
+    result.json.
+    """
+    console = new_console(quiet)
+    drawn_by = cast(Renderer, renderer)
+    config = FlightConfig(
+        trajectory, scene, texture, drawn_by, seed, stretch, "joint", frames, map, samples, sensor, bake
+    )
+    _fly(console, config, out, resume)
+    print_path(console, out / "report.html")
+
+
 @examples(
     "python scripts/evaluate_flights.py --first 2 --frames 20",
     "python scripts/evaluate_flights.py --resume --out out/flights",
@@ -127,10 +159,7 @@ def evaluate_flights(
     print_path(console, out / "report.html")
 
 
-@examples(
-    "python scripts/drive_floor.py --paths 3 --out out/drive",
-    "python scripts/drive_floor.py --paths 20 --line-ends 2 --resume",
-)
+@examples("peakmark drive --paths 3 --out out/drive", "peakmark drive --paths 20 --line-ends 2 --resume")
 def drive_floor(
     paths: Annotated[int, Option(help="Random paths, each driven once.")] = 20,
     length: Annotated[float, Option(help="Length of each, m.")] = 10.0,

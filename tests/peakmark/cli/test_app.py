@@ -43,3 +43,12 @@ def test_a_mistyped_command_is_refused_with_a_guess() -> None:
     done = CliRunner().invoke(app, ["corpu"])
     assert done.exit_code == 2
     assert "Did you mean 'corpus'?" in done.output
+
+
+@pytest.mark.parametrize(("typed", "offered"), [("peakmark ident", "identify"), ("peakmark fly --ren", "--renderer")])
+def test_a_shell_completes_commands_and_options(typed: str, offered: str) -> None:
+    environment = {**ENVIRONMENT, "_PEAKMARK_COMPLETE": "complete_bash", "COMP_WORDS": typed}
+    environment["COMP_CWORD"] = str(len(typed.split()) - 1)
+    code = "from peakmark.cli.app import app\napp(prog_name='peakmark')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=60)
+    assert offered in done.stdout.split()
