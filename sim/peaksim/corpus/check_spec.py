@@ -9,12 +9,14 @@ from peaksim.camera.calibration_file import colmap_line
 from peaksim.camera.presets import sensor_named
 from peaksim.camera.sensor import Sensor
 from peaksim.corpus.coco import MOST_MARKERS
+from peaksim.corpus.photographs import photographs
 from peaksim.corpus.plan import MOST_ATTEMPTS, corpus_cameras, plan_frame, read_scene
 from peaksim.corpus.sample import camera_values
 from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView, sensor_value
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import InputError, SceneError
-from peaksim.scene.build import quad_pose
+from peaksim.image_file import read_image_8_bits
+from peaksim.scene.build import marker_pattern, quad_pose
 from peaksim.scene.file import build_setup
 from peaksim.scene.schema import MarkerTable, RoomTable, SceneTable
 
@@ -46,6 +48,12 @@ def check_spec(spec: CorpusSpec, folder: Path) -> None:
             colmap_line(camera_values(named.camera))
         except InputError as error:
             raise SceneError(f"cameras.{named.name}: {error}") from error
+    if spec.warped is not None:
+        _check_sensors(spec, Sensor())
+        for file in photographs(folder, spec.warped.photographs).values():
+            read_image_8_bits(file)
+        for kind in spec.warped.kinds:
+            marker_pattern(kind, "warped.kinds")
     for sequence in range(min(spec.sequences, _SEQUENCES)):
         plan_frame(spec, folder, sequence * spec.sequence_frames, attempts=MOST_ATTEMPTS // 10)
 

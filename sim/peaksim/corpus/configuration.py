@@ -72,7 +72,8 @@ def make_configuration(spec: CorpusSpec, folder: Path, renderer: str, gl_rendere
     """Return the configuration of a new corpus; `folder` is where the specification's files are."""
     scenes = [read_scene(choice.file, folder) for choice in spec.scenes]
     single = {kind for table, _ in scenes for kind in (spec.markers.kinds or [m.kind for m in all_markers(table)])}
-    kinds = tuple(sorted(single.union(*(poster_kinds(table) for table, _ in scenes))))
+    warped = () if spec.warped is None else spec.warped.kinds
+    kinds = tuple(sorted(single.union(warped, *(poster_kinds(table) for table, _ in scenes))))
     inputs = {name: hash_file(file) for name, file in input_files(spec, folder, kinds).items()}
     tables = [table for table, _ in scenes]
     return Configuration(spec, renderer, gl_renderer, kinds, inputs, versions(renderer, is_baked(spec, tables)))

@@ -12,6 +12,7 @@ from hashlib import file_digest
 from pathlib import Path
 
 from peaksim import shipped
+from peaksim.corpus.photographs import photographs
 from peaksim.corpus.plan import open_sequence, read_scene
 from peaksim.corpus.spec import CorpusSpec, FlightView
 from peaksim.errors import InputError, SceneError
@@ -56,6 +57,9 @@ def _named_files(spec: CorpusSpec, folder: Path, kinds: tuple[str, ...]) -> Iter
     for view in spec.views:
         if isinstance(view, FlightView) and view.file is not None:
             yield view.file, shipped.file_inside(folder, view.file, "views.file")
+    if spec.warped is not None:
+        for name, file in photographs(folder, spec.warped.photographs).items():
+            yield f"photographs/{name}", file
     for kind in kinds:
         file = shipped.ASSETS / "markers" / f"{kind}.png"
         yield f"markers/{kind}.png", file.resolve()

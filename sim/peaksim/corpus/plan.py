@@ -17,9 +17,11 @@ from peaksim.corpus import layout
 from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
 from peaksim.corpus.lamps import lamps_in
-from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, sensor_value
+from peaksim.corpus.photographs import photographs
+from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, WarpedSpread, sensor_value
 from peaksim.corpus.vary import vary_scene
 from peaksim.corpus.views import is_free, markers_ahead, view_pose
+from peaksim.corpus.warped import POSE, warped_scene
 from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import Pose
 from peaksim.geometry.trajectory import Trajectory
@@ -50,7 +52,7 @@ class Sequence:
     """Room that the camera may not leave."""
     camera: NamedCamera
     """Camera of all its frames."""
-    view: AnyView
+    view: AnyView | WarpedSpread
     """How poses are drawn."""
     trajectory: Trajectory
     """Trajectory that flights follow."""
@@ -78,6 +80,8 @@ class FramePlan:
     """Paths a pixel, for the traced renderer."""
     bake: bool = True
     """Whether the others show lamps and skies by baked light."""
+    photograph: Path | None = None
+    """Image file behind the scene; None for none."""
 
     @property
     def camera(self) -> Camera:
@@ -97,6 +101,8 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
     SceneError
         One line that names the frame, if no view fulfils the specification.
     """
+    if spec.warped is not None:
+        return _warped_frame(spec, spec.warped, folder, index)
     sequence = open_sequence(spec, folder, index // spec.sequence_frames)
     try:
         pose, time_s, draws = _view(spec, sequence, index, attempts)
@@ -115,9 +121,33 @@ def plan_frame(spec: CorpusSpec, folder: Path, index: int, attempts: int = MOST_
     )
 
 
+def _warped_frame(spec: CorpusSpec, spread: WarpedSpread, folder: Path, index: int) -> FramePlan:
+    """Return the plan of sheets in a photograph, with a camera of its sequence's."""
+    number = index // spec.sequence_frames
+    draws, camera = frame_draws(spec.seed, index), _camera(spec, folder, sequence_draws(spec.seed, number), 0)
+    files = photographs(folder, spread.photographs)
+    name = draws.pick("warped.photograph", tuple(files))
+    scene = warped_scene(spread, spec.prints, camera.camera, draws)
+    trajectory = Trajectory(np.zeros(1), POSE[None])
+    sequence = Sequence(
+        number, name, Setup(scene, camera.camera, trajectory, Sensor()), None, camera, spread, trajectory
+    )
+    return FramePlan(
+        index=index,
+        sequence=sequence,
+        scene=scene,
+        world_from_camera=POSE,
+        time_s=0.0,
+        sensor=_sensor(Sensor(), spec, draws, number),
+        seed=spec.seed,
+        photograph=files[name],
+    )
+
+
 def _view(spec: CorpusSpec, sequence: Sequence, index: int, attempts: int) -> tuple[Pose, float, Draws]:
     """Draw views until one is in the room and shows as many markers as the view needs."""
     setup, view, camera = sequence.setup, sequence.view, sequence.camera.camera
+    assert not isinstance(view, WarpedSpread)
     position = (index % spec.sequence_frames) / max(1, spec.sequence_frames - 1)
     room = None if sequence.room is None else (np.array(sequence.room.min_m), np.array(sequence.room.max_m))
     furniture = () if isinstance(view, FlightView) else setup.scene.meshes  # flights may pass anywhere

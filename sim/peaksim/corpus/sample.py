@@ -1,9 +1,10 @@
 """One frame of a corpus as bytes: the encoded image, and the record of its truth."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -14,6 +15,7 @@ from peaksim.area.rays import first_faces, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame, MarkerTruth
 from peaksim.camera.sensor import apply_sensor
+from peaksim.corpus.backdrop import into_photograph
 from peaksim.corpus.plan import FramePlan
 from peaksim.corpus.spec import PictureTable
 from peaksim.errors import InputError, RendererError
@@ -45,10 +47,22 @@ class Sample:
 
 def render_frame(plan: FramePlan, renderer: Renderer) -> Frame:
     """Return a plan's image, after the sensor, and its truth."""
+    if plan.photograph is not None:
+        return _render_over(plan, plan.photograph, renderer)
     seeds = plan.seed, plan.index
     pose, time_s = plan.world_from_camera, plan.time_s
     frame = render(plan.scene, plan.camera, pose, renderer, time_s, samples=plan.samples, seed=seeds, bake=plan.bake)
     return apply_sensor(frame, plan.sensor, plan.noise())
+
+
+def _render_over(plan: FramePlan, photograph: Path, renderer: Renderer) -> Frame:
+    """Return a plan's sheets in its photograph; the sensor takes what the photograph's camera has coded."""
+    over_black, over_white = (
+        render(replace(plan.scene, background=level), plan.camera, plan.world_from_camera, renderer, plan.time_s)
+        for level in (0.0, 255.0)
+    )
+    noise = plan.noise()
+    return apply_sensor(into_photograph(over_black, over_white, photograph, noise), plan.sensor, noise)
 
 
 def make_sample(plan: FramePlan, renderer: Renderer, settings: PictureTable) -> Sample:

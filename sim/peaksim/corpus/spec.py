@@ -14,6 +14,7 @@ from peaksim.camera.sensor import WHOLE, Sensor
 from peaksim.corpus.spread import Angle, AnySpread, Count, Factor, Length, Level, Share, Spread
 from peaksim.errors import InputError, SceneError
 from peaksim.scene.schema import Name, NotNegative, Positive, StrictTable
+from peaksim.shipped import path_inside
 from peaksim.toml_file import parse_toml, validate
 from peaksim.traced import MOST_SAMPLES
 
@@ -286,6 +287,32 @@ class SensorSpread(StrictTable):
         return self
 
 
+class WarpedSpread(StrictTable):
+    """`[warped]`: printed sheets in photographs, in place of scenes and views."""
+
+    photographs: str | None = None
+    sheets: Count = spread_field({"integers": (3, 8)})
+    kinds: Annotated[tuple[Name, ...], Field(min_length=1)] = ("surf-dark", "surf-light")
+    side_px: Length = spread_field({"log_uniform": (15, 120)})
+    side_m: Length = spread_field((0.05, 0.2))
+    border: Share = spread_field((0.1, 0.3))
+    tilt_deg: Angle = spread_field((0, 70))
+    azimuth_deg: Angle = spread_field((0, 360))
+    roll_deg: Angle = spread_field((-180, 180))
+
+    @property
+    def kind(self) -> str:
+        """What records call the view."""
+        return "warped"
+
+    @model_validator(mode="after")
+    def _sees_the_front(self) -> Self:
+        low, high = self.tilt_deg.limits
+        if not 0 <= low <= high < 90:
+            raise ValueError(f"tilt_deg: expected 0…90 without 90, got {low:g}…{high:g}")
+        return self
+
+
 def sensor_value(name: str, value: float) -> int | float:
     """Return a sensor field's value in the type that `Sensor` takes."""
     return int(value) if name in WHOLE else value
@@ -304,9 +331,10 @@ class CorpusSpec(StrictTable):
     bake: bool | None = None
     pictures: PictureTable = PictureTable()
     store: StoreTable = StoreTable()
-    scenes: Annotated[tuple[SceneChoice, ...], Field(min_length=1)]
+    scenes: tuple[SceneChoice, ...] = ()
     cameras: tuple[CameraChoice, ...] = ()
-    views: Annotated[tuple[AnyView, ...], Field(min_length=1)]
+    views: tuple[AnyView, ...] = ()
+    warped: WarpedSpread | None = None
     markers: MarkerSpread = MarkerSpread()
     clutter: ClutterSpread = ClutterSpread()
     occluders: OccluderSpread | None = None
@@ -314,6 +342,20 @@ class CorpusSpec(StrictTable):
     textures: dict[Name, TextureSpread] = Field(default_factory=dict)
     light: LightSpread | None = None
     sensor: SensorSpread = SensorSpread()
+
+    @model_validator(mode="after")
+    def _has_a_source(self) -> Self:
+        if self.warped is None:
+            for field in ("scenes", "views"):
+                if not getattr(self, field):
+                    raise ValueError(f"{field}: expected at least one, or [warped], got none")
+            return self
+        if not self.cameras:
+            raise ValueError("cameras: expected at least one beside [warped], got none")
+        for field in ("scenes", "views", "markers", "clutter", "occluders", "textures", "light"):
+            if getattr(self, field) != type(self).model_fields[field].get_default(call_default_factory=True):
+                raise ValueError(f"{field}: expected none beside [warped], which has no scenes")
+        return self
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> Self:
@@ -329,7 +371,7 @@ class CorpusSpec(StrictTable):
     @model_serializer(mode="wrap")
     def _values(self, to_values: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Return the values without later fields that nobody stated, so that the hashes of older suites stay."""
-        later = ("samples", "bake", "occluders", "prints")
+        later = ("samples", "bake", "occluders", "prints", "warped")
         return {name: value for name, value in to_values(self).items() if name not in later or value is not None}
 
     @property
@@ -346,8 +388,10 @@ class CorpusSpec(StrictTable):
         return -(-self.frames // self.sequence_frames)
 
 
-def load_spec(path: str | Path, *, seed: int | None = None, frames: int | None = None) -> CorpusSpec:
-    """Read a corpus file; `seed` and `frames` replace the file's.
+def load_spec(
+    path: str | Path, *, seed: int | None = None, frames: int | None = None, photographs: Path | None = None
+) -> CorpusSpec:
+    """Read a corpus file; `seed`, `frames` and the folder of `photographs` of its `[warped]` replace the file's.
 
     Raises
     ------
@@ -357,7 +401,15 @@ def load_spec(path: str | Path, *, seed: int | None = None, frames: int | None =
     table = parse_toml(Path(path))
     overrides = {"seed": seed, "frames": frames}
     table.update({name: value for name, value in overrides.items() if value is not None})
-    return validate(CorpusSpec, table, str(path))
+    spec = validate(CorpusSpec, table, str(path))
+    if photographs is not None:
+        if spec.warped is None:
+            raise SceneError(f"--photographs {photographs}: expected a specification with [warped], {path} has none")
+        warped = spec.warped.model_copy(update={"photographs": str(photographs.resolve())})
+        return spec.model_copy(update={"warped": warped})
+    if spec.warped is not None and spec.warped.photographs is not None:
+        path_inside(Path(path).parent, spec.warped.photographs, f"{path}: warped.photographs")
+    return spec
 
 
 def spec_from_json(text: str) -> CorpusSpec:

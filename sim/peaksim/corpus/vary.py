@@ -242,13 +242,7 @@ def edge_offset(cover: float, angle: float) -> float:
 
 def _printed(table: SceneTable, spread: PrintSpread, draws: Draws) -> SceneTable:
     """Return the scene with its markers, posters and clutter printed on one drawn material."""
-    glossy = draws.share("prints.gloss.draw") < draws.value("prints.gloss", spread.gloss)
-    material = MaterialTable(
-        kind="plastic" if glossy else "diffuse",
-        reflectance=(draws.value("prints.black", spread.black), draws.value("prints.white", spread.white)),
-        curve=spread.curve[draws.index("prints.curve", (1.0,) * len(spread.curve))],
-        roughness=draws.value("prints.roughness", spread.roughness),
-    )
+    material = drawn_print(spread, draws)
     printed: dict[str, object] = {
         kind: tuple(one.model_copy(update={"material": _PRINT}) for one in getattr(table, kind))
         for kind in ("markers", "posters")
@@ -259,4 +253,15 @@ def _printed(table: SceneTable, spread: PrintSpread, draws: Draws) -> SceneTable
     }
     return table.model_copy(
         update={**printed, "textures": textures, "materials": {**table.materials, _PRINT: material}}
+    )
+
+
+def drawn_print(spread: PrintSpread, draws: Draws) -> MaterialTable:
+    """Return ink and paper from their spreads."""
+    glossy = draws.share("prints.gloss.draw") < draws.value("prints.gloss", spread.gloss)
+    return MaterialTable(
+        kind="plastic" if glossy else "diffuse",
+        reflectance=(draws.value("prints.black", spread.black), draws.value("prints.white", spread.white)),
+        curve=spread.curve[draws.index("prints.curve", (1.0,) * len(spread.curve))],
+        roughness=draws.value("prints.roughness", spread.roughness),
     )

@@ -28,6 +28,12 @@ def make(
     out: Annotated[str, Option(help="Folder, or fsspec URL such as s3://bucket/name.")] = "out/corpus",
     seed: Annotated[int | None, Option(help="Instead of the specification's.")] = None,
     frames: Annotated[int | None, Option(help="Instead of the specification's.")] = None,
+    photographs: Annotated[
+        Path | None,
+        Option(
+            help="Folder of images to warp sheets into, for a specification with [warped]. [default: scikit-image's]"
+        ),
+    ] = None,
     workers: Workers = None,
     dask: Dask = None,
     quiet: Quiet = False,
@@ -37,7 +43,7 @@ def make(
     CORPUS.md says what a specification states and what the corpus holds.
     """
     console = new_console(quiet)
-    wanted = load_spec(spec, seed=seed, frames=frames)
+    wanted = load_spec(spec, seed=seed, frames=frames, photographs=photographs)
     title, total = "render", wanted.frames
     with resumable(), progress_bar(console, title, total) as bar:
         made = make_corpus(wanted, spec.parent, out, backend_of(workers, dask), bar.advance)
