@@ -61,6 +61,7 @@ HEAVY = {
     "pycolmap",
     "pyrender",
     "rerun",
+    "scipy.optimize",
     "scipy.stats",
     "skimage",
     "sklearn",

@@ -4,13 +4,17 @@ A stretch is a number for the whole image, as in the paper, or one number a row:
 each row of the floor has its own foreshortening.
 """
 
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from peaksim.camera.camera import Camera
 
 from peakmark.errors import InputError
 from peakmark.keypoints.keypoints import Keypoints
+
+if TYPE_CHECKING:
+    from peaksim.camera.camera import Camera
 
 SMALLEST, LARGEST = 0.25, 8.0
 """Range of stretches that are accepted."""
@@ -48,7 +52,7 @@ def unstretched(features: Keypoints, stretch: Stretch, height: int) -> Keypoints
     return features.with_columns(xy=xy, size=features.size / shrink, scale=features.scale / shrink)
 
 
-def floor_stretch(camera: Camera, pitch_deg: float) -> NDArray[np.float64]:
+def floor_stretch(camera: "Camera", pitch_deg: float) -> NDArray[np.float64]:
     """Return the (H,) stretch of each row under which the markers of a floor look square to a camera without roll.
 
     Width over height of a small square on the floor, in the column of the principal point; at most 4, and 1 above the

@@ -11,7 +11,6 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
 
 from peakmark.errors import InputError, check_choice
 
@@ -181,6 +180,8 @@ def _concave_ascent(
 
     options = {"maxiter": _MAX_STEPS, "ftol": 1e-15, "gtol": 1e-12}
     bounds = [(-1, 1)] * start.size
+    from scipy.optimize import minimize
+
     result = minimize(negative_log, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     return np.asarray(result.x)
 

@@ -15,11 +15,11 @@ and it is mirror symmetric, so Dxy = 0: every inequality is an equality and both
 which is a disc of the DoG's zero-crossing radius. ∎
 """
 
+from math import erf
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
 from peakmark.errors import InputError, check_choice
 from peakmark.markers.optimum import Limit, quadratic_optimum
@@ -153,7 +153,7 @@ def dog_zero_crossing(sigma_px: float) -> float:
 
 def _gaussian(sigma_px: float, side_px: int) -> NDArray[np.float64]:
     edges = np.arange(side_px + 1) - side_px / 2
-    line = np.diff(erf(edges / (np.sqrt(2) * sigma_px))) / 2
+    line = np.diff([erf(edge) for edge in edges / (np.sqrt(2) * sigma_px)]) / 2
     return np.outer(line, line)
 
 

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ndtr
 
 from peakmark.refine.api import PATTERNS, known_pattern
-from peakmark.refine.model import pattern_points, predict, residuals, select_pixels, smooth_step
+from peakmark.refine.model import normal_distribution, pattern_points, predict, residuals, select_pixels, smooth_step
 
 angles = st.floats(0, 2 * np.pi)
 
@@ -68,3 +69,9 @@ def test_selected_pixels_are_inside_and_thin_out():
     thin = select_pixels(theta, pattern.lines, pattern.extent, 64, 64, 3)
     assert len(pixels) / 4 < len(thin) < len(pixels) / 2
     assert {tuple(p) for p in thin} <= {tuple(p) for p in pixels}
+
+
+def test_the_normal_distribution_is_scipys():
+    z = np.concatenate([np.linspace(-12, 12, 4801), [-1e300, -np.inf, np.inf, 1e-300, 0]]).reshape(2, -1)
+    np.testing.assert_allclose(normal_distribution(z), ndtr(z), rtol=0, atol=1e-15)
+    assert normal_distribution(np.empty(0)).shape == (0,)
