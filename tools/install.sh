@@ -5,7 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-extra=
+extra='[sim]'
 [[ ${1:-} == test ]] && extra='[test]'
 
 say() { printf 'install: %s\n' "$*"; }
@@ -45,16 +45,16 @@ if ! { has_library libEGL.so.1 && has_library libGL.so.1 && has_library libOSMes
   apt_install "OpenGL for off-screen rendering" "${gl_packages[@]}" ||
     say "going on without OpenGL: planar scenes are drawn by the exact renderer"
 fi
-if [[ -n $extra ]] && ! has_library libatomic.so.1; then
+if [[ $extra == "[test]" ]] && ! has_library libatomic.so.1; then
   apt_install "libatomic, which Mitsuba and Playwright use in the tests" libatomic1 || true
 fi
-if [[ -n $extra ]] && ! { has_library libLLVM-19.so || has_library libLLVM.so.19.1; }; then
+if [[ $extra == "[test]" ]] && ! { has_library libLLVM-19.so || has_library libLLVM.so.19.1; }; then
   apt_install "LLVM for path-traced images" libllvm19 || true
 fi
-if [[ -n $extra ]] && ! command -v pdftoppm >/dev/null; then
+if [[ $extra == "[test]" ]] && ! command -v pdftoppm >/dev/null; then
   apt_install "poppler, which the tests of printed sheets use" poppler-utils || true
 fi
-if [[ -n $extra ]] && ! command -v chromium >/dev/null && ! command -v chromium-browser >/dev/null; then
+if [[ $extra == "[test]" ]] && ! command -v chromium >/dev/null && ! command -v chromium-browser >/dev/null; then
   apt_install "chromium, in which the tests look at reports" chromium || true
 fi
 say "ready"

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from peaksim.area.faces import panels_m, triangles_m
 from peaksim.area.shown import NUMBER_BITS
 from peaksim.errors import RendererError, SceneError
+from peaksim.extras import how_to_install
 from peaksim.geometry.pose import Pose
 from peaksim.gl.tiles import Window
 from peaksim.scene.scene import Scene
@@ -139,7 +140,9 @@ def open_context() -> tuple[Any, str]:
         name = glGetString(GL_RENDERER).decode()
         atexit.register(renderer.delete)  # before PyOpenGL's modules are gone
     except Exception as error:  # every driver fails differently
-        raise RendererError(f"no OpenGL context opens: {type(error).__name__} {error}") from error
+        missing = how_to_install(error) if isinstance(error, ModuleNotFoundError) else None
+        reason = missing or f"{type(error).__name__} {error}"
+        raise RendererError(f"no OpenGL context opens: {reason}") from error
     renderer._renderer._read_main_framebuffer = _read_numbers
     return renderer, name
 

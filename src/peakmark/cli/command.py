@@ -4,7 +4,7 @@
 |---|---|
 | 0 | done |
 | 1 | `regress compare`: something got worse or changed; `corpus check`: files are not as they were written |
-| 2 | bad input, or an installation whose compiled kernels cannot be used |
+| 2 | bad input, a library that is not installed, or compiled kernels that cannot be used |
 | 3 | the renderer failed |
 | 4 | a fault of this program, with a traceback |
 | 129, 130, 143 | ended by SIGHUP, SIGINT (Ctrl-C), SIGTERM |
@@ -20,6 +20,7 @@ from threading import current_thread, main_thread
 from typing import Any, NoReturn, TypeVar
 
 import typer
+from peaksim.extras import how_to_install
 
 from peakmark.errors import InputError, NativeError, RendererError, one_line
 
@@ -59,7 +60,10 @@ def run_command(command: Callable[..., Any]) -> NoReturn:
         _stop(error, 2)
     except RendererError as error:
         _stop(error, 3)
-    except Exception:
+    except Exception as error:
+        missing = how_to_install(error) if isinstance(error, ModuleNotFoundError) else None
+        if missing:
+            _stop(missing, 2)
         sys.excepthook(*sys.exc_info())
         sys.exit(4)
     sys.exit(0)
