@@ -23,6 +23,9 @@ enum { ROW, COLUMN, FACE, SIZE, PIECE_COLUMNS };
 /* Most vertices of a polygon, and most pieces of one face in a pixel; further ones are dropped. */
 enum { MAX_VERTICES = 24, MAX_PIECES = 64 };
 
+/* Edges that are integrated together: whole registers, however wide. */
+enum { LANES = 16 };
+
 /* Faces closer than this share of their depth are in one plane: the later one is visible. */
 #define TIE 1e-9
 

@@ -5,6 +5,7 @@
    face there owns the pixel. */
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "area.h"
 
@@ -77,21 +78,52 @@ static int64_t keep_seen(const FaceSides *low, const FaceSides *high, const doub
     return kept;
 }
 
-/* Keep those faces of each box of directions that may be visible in it, and write which one covers it alone. */
-EXPORT status find_faces(const double *ranges, int64_t faces, const double *boxes, int64_t tiles, int64_t *found,
-                         int64_t room, int64_t *counts, int64_t *alone) {
-    const FaceSides *low = (const FaceSides *)ranges, *high = low + faces;
+/* Keep those of n faces that may be visible in a box; write which one covers it alone, return how many are left. */
+static int64_t keep_visible(const FaceSides *low, const FaceSides *high, const double *box, int64_t n, int64_t *found,
+                            int64_t *states, int64_t *alone) {
+    const int64_t reaching = keep_reaching(low, high, box, n, found, states);
+    const int64_t seen = keep_seen(low, high, box, reaching, found, states);
+    *alone = seen == 0 ? NOTHING : seen == 1 && states[0] == COVERS ? found[0] : MIXED;
+    return seen;
+}
+
+/* Keep those faces of each box of directions that may be visible in it. */
+EXPORT status keep_faces(const double *low, int64_t faces, const double *high, const double *boxes, int64_t tiles,
+                         int64_t *found, int64_t room, int64_t *counts, int64_t *alone) {
     int64_t *states = malloc((size_t)(room + 1) * sizeof *states);
+    (void)faces;
     if (!states) return OUT_OF_MEMORY;
-    for (int64_t tile = 0; tile < tiles; tile++) {
-        int64_t *here = found + tile * room;
-        const int64_t m = keep_reaching(low, high, boxes + 6 * tile, counts[tile], here, states);
-        const int64_t n = keep_seen(low, high, boxes + 6 * tile, m, here, states);
-        counts[tile] = n;
-        alone[tile] = n == 0 ? NOTHING : n == 1 && states[0] == COVERS ? here[0] : MIXED;
-    }
+    for (int64_t tile = 0; tile < tiles; tile++)
+        counts[tile] = keep_visible((const FaceSides *)low, (const FaceSides *)high, boxes + 6 * tile, counts[tile],
+                                    found + tile * room, states, alone + tile);
     free(states);
     return DONE;
+}
+
+/* Write the box around all boxes. */
+static void join_boxes(const double *boxes, int64_t n, double *whole) {
+    for (int k = 0; k < 6; k++) {
+        whole[k] = boxes[k];
+        for (int64_t box = 1; box < n; box++)
+            whole[k] = k < 3 ? lesser(boxes[6 * box + k], whole[k]) : greater(boxes[6 * box + k], whole[k]);
+    }
+}
+
+/* Write which of the same candidates, which become those of all boxes together, may be visible in each box; return how
+   many candidates are left: there must be room for as many, or nothing is written. */
+EXPORT status find_faces(const double *low, int64_t faces, const double *high, const double *boxes, int64_t tiles,
+                         int64_t *candidates, int64_t n, int64_t *left, int64_t *found, int64_t room, int64_t *counts,
+                         int64_t *alone) {
+    double whole[6];
+    *left = n;
+    join_boxes(boxes, tiles, whole);
+    const status failed = keep_faces(low, faces, high, whole, 1, candidates, n, left, alone);
+    if (failed || *left > room) return failed;
+    for (int64_t tile = 0; tile < tiles; tile++) {
+        memcpy(found + tile * room, candidates, (size_t)*left * sizeof *found);
+        counts[tile] = *left;
+    }
+    return keep_faces(low, faces, high, boxes, tiles, found, room, counts, alone);
 }
 
 /* How a face lies to a pixel, and its depths w at the corners. */

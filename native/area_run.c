@@ -13,7 +13,7 @@ typedef struct {
 } Steps;
 
 /* The steps that the first, the middle and the last of n pixels need. */
-static Steps run_steps(Corners corners, int64_t n, double contrast) {
+static Steps run_steps(const Corners corners, int64_t n, double contrast) {
     Steps steps = {1, 1, 0.0};
     for (int j = 0; j < 3; j++) {
         const int64_t k = (n - 1) * j / 2;
@@ -30,25 +30,24 @@ static Steps run_steps(Corners corners, int64_t n, double contrast) {
 
 /* Write the means of n pixels to every `channels`-th of `out`; `shared` holds the integrals of the upper edges if they
    are known, and receives those of the lower ones. */
-static void integrate_run(Sums sums, Corners corners, int64_t n, Steps steps, bool known, double *shared, float *out,
-                          int64_t channels) {
-    double before = 0.0;
-    for (int64_t k = 0; k < n + 1; k++) {
-        const double u0 = corners[0][0][k], v0 = corners[0][1][k], u3 = corners[1][0][k], v3 = corners[1][1][k];
-        const double after = edge_integral(sums, u0, v0, u3, v3, steps.down);
-        if (k > 0) {
-            const double ua = corners[0][0][k - 1], va = corners[0][1][k - 1];
-            const double ub = corners[1][0][k - 1], vb = corners[1][1][k - 1];
-            const double top = known ? shared[k - 1] : edge_integral(sums, ua, va, u0, v0, steps.across);
-            const double bottom = edge_integral(sums, ub, vb, u3, v3, steps.across);
-            const double area = 0.5 * ((u3 - ua) * (vb - v0) - (v3 - va) * (ub - u0));
-            shared[k - 1] = bottom;
-            const double mean = steps.reach < POINT_TEXELS ? point_mean(sums, 0.5 * (ua + u3), 0.5 * (va + v3))
-                                                           : (top + after - bottom - before) / area;
-            out[(k - 1) * channels] = (float)mean;
-        }
-        before = after;
+static void integrate_run(Sums sums, const Corners corners, int64_t n, Steps steps, bool known, double *shared,
+                          float *out, int64_t channels) {
+    const double (*above)[CHUNK + 1] = corners[0], (*below)[CHUNK + 1] = corners[1];
+    double upright[CHUNK + 1], lower[CHUNK], means[CHUNK];
+    upright[0] = edge_integral(sums, above[0][0], above[1][0], below[0][0], below[1][0], steps.down);
+    integrate_edges(sums, (Edges){above[0] + 1, above[1] + 1, below[0] + 1, below[1] + 1}, n, steps.down, upright + 1);
+    integrate_edges(sums, (Edges){below[0], below[1], below[0] + 1, below[1] + 1}, n, steps.across, lower);
+    if (!known) integrate_edges(sums, (Edges){above[0], above[1], above[0] + 1, above[1] + 1}, n, steps.across, shared);
+    for (int64_t k = 0; k < n; k++) {
+        const double area = 0.5 * ((below[0][k + 1] - above[0][k]) * (below[1][k] - above[1][k + 1]) -
+                                   (below[1][k + 1] - above[1][k]) * (below[0][k] - above[0][k + 1]));
+        means[k] = (shared[k] + upright[k + 1] - lower[k] - upright[k]) / area;
+        shared[k] = lower[k];
     }
+    if (steps.reach < POINT_TEXELS)
+        for (int64_t k = 0; k < n; k++)
+            means[k] = point_mean(sums, 0.5 * (above[0][k] + below[0][k + 1]), 0.5 * (above[1][k] + below[1][k + 1]));
+    for (int64_t k = 0; k < n; k++) out[k * channels] = (float)means[k];
 }
 
 /* Replace a face's coordinates of the corners of n pixels by those of its texture. */
@@ -64,8 +63,8 @@ static void map_corners(const double *face, Corners corners, int64_t n) {
 }
 
 /* Write a textured run of n pixels. */
-static void fill_run(const double *face, const double *texels, Corners corners, int64_t n, bool known, double *shared,
-                     int64_t width, float *out, int64_t channels) {
+static void fill_run(const double *face, const double *texels, const Corners corners, int64_t n, bool known,
+                     double *shared, int64_t width, float *out, int64_t channels) {
     const Steps steps = run_steps(corners, n, face[CONTRAST]);
     for (int64_t channel = 0; channel < channels; channel++) {
         if (channel == 0 || face[PLANE] > 0.0)

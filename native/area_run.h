@@ -5,9 +5,10 @@
 
 #include "area.h"
 
-enum { CHUNK = 16 }; /* most pixels that share one choice of steps */
+/* Most pixels that share one choice of steps: their edges are integrated together. */
+enum { CHUNK = LANES };
 
-/* Texture coordinates u and v of the corners above (0) and below (1) of a run of pixels. */
+/* Texture coordinates u and v of the corners above (0) and below (1) of a run of pixels; the last one is repeated. */
 typedef double Corners[2][2][CHUNK + 1];
 
 /* How far a footprint may reach beyond the outermost texel, so that what is read lies in the table. */
@@ -24,6 +25,8 @@ static inline void footprints(const FaceSides *sides, const double *face, Rays r
             corners[row][0][k] = clamp(dot(p, ray) / w, -BORDER_TEXELS, end_u);
             corners[row][1][k] = clamp(dot(q, ray) / w, -BORDER_TEXELS, end_v);
         }
+        for (int64_t k = n + 1; k <= CHUNK; k++)
+            for (int axis = 0; axis < 2; axis++) corners[row][axis][k] = corners[row][axis][n];
     }
 }
 

@@ -9,6 +9,7 @@
 #define PEAKSIM_AREA_TEXTURE_H
 
 #include "area.h"
+#include "lanes.h"
 
 /* Steps^1.5 of an edge for each grey level of texture contrast and unit of slant, for 0.3 grey levels rms;
    `benchmarks/fidelity_render.py` measures what comes of it. */
@@ -24,26 +25,86 @@ typedef struct {
     int64_t stride;
 } Sums;
 
-static inline double square(double a) { return a * a; }
+/* Ends of LANES edges, texels. */
+typedef struct {
+    const double *u0, *v0, *u1, *v1;
+} Edges;
 
-/* ∫ P dv along the straight edge from (u0, v0) to (u1, v1), texels, up to terms that cancel in a loop. */
+/* Where coordinates lie among texels: the first of three, and the weights of their quadratic B-splines. */
+typedef struct {
+    int32_t first[LANES];
+    double before[LANES], middle[LANES], behind[LANES];
+} Splines;
+
+/* Write the splines at a share of the way along edges. */
+static inline void spline_at(const double *from, const double *to, double share, Splines *out) {
+    for (int e = 0; e < LANES; e++) {
+        const double at = from[e] + share * (to[e] - from[e]);
+        const int32_t first = (int32_t)(at + 0.5);
+        const double f = at - first;
+        out->first[e] = first;
+        out->before[e] = 0.5 * (0.5 - f) * (0.5 - f);
+        out->middle[e] = 0.75 - f * f;
+        out->behind[e] = 0.5 * (0.5 + f) * (0.5 + f);
+    }
+}
+
+/* The table at an edge's rows, summed with their weights, in four columns. */
+static inline double4 sum_rows(const double *columns, int64_t stride, const Splines *v, int64_t e) {
+    const double *row = columns + v->first[e] * stride;
+    return v->before[e] * load4(row) + v->middle[e] * load4(row + stride) + v->behind[e] * load4(row + 2 * stride);
+}
+
+/* Add ∫ P dv from one set of rows to another at the columns of the first `count` edges. */
+static inline void add_step(Sums sums, const Splines *u, const Splines *from, const Splines *to, int64_t count,
+                            double4 *totals) {
+    for (int64_t e = 0; e < count; e++) {
+        const double *columns = sums.texels + u->first[e];
+        const double4 weights = {u->before[e], u->middle[e], u->behind[e], 0.0}; /* texels are read by fours */
+        totals[e] += weights * (sum_rows(columns, sums.stride, to, e) - sum_rows(columns, sums.stride, from, e));
+    }
+}
+
+/* Write ∫ P dv along the first `count` edges, each in as many steps, up to terms that cancel in a loop. */
+static inline void integrate_edges(Sums sums, Edges edges, int64_t count, int64_t steps, double *out) {
+    Splines u, rows[2];
+    double4 totals[LANES] = {{0.0}};
+    spline_at(edges.v0, edges.v1, 0.0, &rows[0]);
+    for (int64_t k = 0; k < steps; k++) {
+        spline_at(edges.u0, edges.u1, ((double)k + 0.5) / (double)steps, &u);
+        spline_at(edges.v0, edges.v1, (double)(k + 1) / (double)steps, &rows[(k + 1) % 2]);
+        add_step(sums, &u, &rows[k % 2], &rows[(k + 1) % 2], count, totals);
+    }
+    for (int64_t e = 0; e < count; e++) out[e] = sum4(totals[e]);
+}
+
+/* Where one coordinate lies among texels. */
+typedef struct {
+    int64_t first;
+    double before, middle, behind;
+} Spline;
+
+static inline Spline spline_of(double at) {
+    const int64_t first = (int64_t)(at + 0.5);
+    const double f = at - (double)first;
+    return (Spline){first, 0.5 * (0.5 - f) * (0.5 - f), 0.75 - f * f, 0.5 * (0.5 + f) * (0.5 + f)};
+}
+
+/* The biquadratic antiderivative at the columns of one spline and the rows of another. */
+static inline double sum_at(Sums sums, Spline u, Spline v) {
+    const double *row = sums.texels + v.first * sums.stride + u.first;
+    const double4 rows =
+        v.before * load4(row) + v.middle * load4(row + sums.stride) + v.behind * load4(row + 2 * sums.stride);
+    return sum4((double4){u.before, u.middle, u.behind, 0.0} * rows);
+}
+
+/* ∫ P dv along the straight edge from (u0, v0) to (u1, v1). */
 static inline double edge_integral(Sums sums, double u0, double v0, double u1, double v1, int64_t steps) {
     double total = 0.0;
     for (int64_t k = 0; k < steps; k++) {
-        const double u = u0 + ((double)k + 0.5) / (double)steps * (u1 - u0);
-        const int64_t i = (int64_t)(u + 0.5);
-        const double f = u - (double)i;
-        const double a0 = 0.5 * square(0.5 - f), a1 = 0.75 - f * f, a2 = 0.5 * square(0.5 + f);
-        for (int end = 0; end < 2; end++) {
-            const double v = v0 + (double)(k + end) / (double)steps * (v1 - v0);
-            const int64_t j = (int64_t)(v + 0.5);
-            const double g = v - (double)j;
-            const double *n0 = sums.texels + j * sums.stride + i, *n1 = n0 + sums.stride, *n2 = n1 + sums.stride;
-            double value = 0.5 * square(0.5 - g) * (a0 * n0[0] + a1 * n0[1] + a2 * n0[2]);
-            value += (0.75 - g * g) * (a0 * n1[0] + a1 * n1[1] + a2 * n1[2]);
-            value += 0.5 * square(0.5 + g) * (a0 * n2[0] + a1 * n2[1] + a2 * n2[2]);
-            total += end ? value : -value;
-        }
+        const Spline u = spline_of(u0 + ((double)k + 0.5) / (double)steps * (u1 - u0));
+        total -= sum_at(sums, u, spline_of(v0 + (double)k / (double)steps * (v1 - v0)));
+        total += sum_at(sums, u, spline_of(v0 + (double)(k + 1) / (double)steps * (v1 - v0)));
     }
     return total;
 }

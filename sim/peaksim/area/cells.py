@@ -1,12 +1,14 @@
 """Cells: parts of a band, by default its tiles, whose pixels have the same candidate faces."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peaksim.area.faces import DEPTH, FaceViews
-from peaksim.area.owner import NOTHING, TILE, find_faces, find_owners
+from peaksim.area.faces import FaceViews
+from peaksim.area.owner import TILE, find_faces, find_owners, keep_faces
+from peaksim.native import function
 
 PERSPECTIVE = 0.02
 """Where depth varies by more than this share within a pixel, the pixel is split: image area counts, not the face's.
@@ -14,10 +16,19 @@ PERSPECTIVE = 0.02
 `benchmarks/fidelity_render.py` measures what comes of it."""
 MOST_SPLITS = 8
 """Most parts of a pixel along each axis."""
+_FEW_FACES = 32
+"""Most faces that are visible in most bands."""
 _SAMPLED_EVERY = 5
 """Every fifth row and column of a tile tells how steep its faces are."""
 
 Rays = NDArray[np.float64]
+
+
+_bound_tiles = function("void bound_tiles(const f8[rows,columns,3] rays, f8[tiles,6] boxes)")
+_find_steepest = function(
+    "void find_steepest(const f8[rows,columns,3] rays, const f8[poses,faces,5,3] sides, const b1[poses,faces] printed, "
+    "const f8[faces] least_w, const i8[height,width] owners, i8 sampled_every, f8[2] steepest)"
+)
 
 
 class Cells(NamedTuple):
@@ -36,7 +47,7 @@ class Cells(NamedTuple):
 def cells_in_tiles(views: FaceViews, rays: Rays) -> Cells:
     """Return the cells of a band, one for each tile."""
     tiles = faces_in_tiles(views, rays, np.arange(views.sides.shape[1]))
-    return cells_with_owners(views, rays, tile_cells(rays), tiles)
+    return cells_with_owners(views, rays, tile_cells(rays.shape[0] - 1, rays.shape[1] - 1), tiles)
 
 
 class InCells(NamedTuple):
@@ -50,10 +61,12 @@ class InCells(NamedTuple):
     """(t,) owner of all its pixels, MIXED where each pixel must be examined."""
 
 
-def tile_cells(rays: Rays) -> NDArray[np.int64]:
-    """Return the (h, w) tile of each pixel of a band."""
-    height, width = rays.shape[0] - 1, rays.shape[1] - 1
-    return np.broadcast_to(np.arange(width) // TILE, (height, width)).copy()
+@lru_cache(maxsize=4)
+def tile_cells(height: int, width: int) -> NDArray[np.int64]:
+    """Return the (height, width) tile of each pixel of a band, read-only."""
+    tiles = np.broadcast_to(np.arange(width) // TILE, (height, width)).copy()
+    tiles.flags.writeable = False
+    return tiles
 
 
 def cells_with_owners(views: FaceViews, rays: Rays, cells: NDArray[np.int64], faces: InCells) -> Cells:
@@ -63,72 +76,54 @@ def cells_with_owners(views: FaceViews, rays: Rays, cells: NDArray[np.int64], fa
     return Cells(owners, cells, faces.found, faces.counts)
 
 
+SideRanges = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def side_ranges(views: FaceViews) -> SideRanges:
+    """Return the (f, 5, 3) least and largest sides over the poses."""
+    if len(views.sides) == 1:
+        return views.sides[0], views.sides[0]
+    return views.sides.min(axis=0), views.sides.max(axis=0)
+
+
 def faces_in_tiles(views: FaceViews, rays: Rays, faces: NDArray[np.int64]) -> InCells:
-    """Return which of some faces may be visible in each tile of a band."""
+    """Return which of (n,) faces may be visible in each tile of a band."""
     ranges, boxes = side_ranges(views), tile_boxes(rays)
-    if len(faces) == 0:
-        empty = np.zeros((len(boxes), 0), np.int64)
-        return InCells(empty, np.zeros(len(boxes), np.int64), np.full(len(boxes), NOTHING))
-    whole = np.concatenate([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])[None]
-    in_band = faces_in_boxes(ranges, whole, faces[None], np.full(1, len(faces)))
-    n = in_band.counts[0]
-    return faces_in_boxes(ranges, boxes, np.repeat(in_band.found[:, :n], len(boxes), axis=0), np.full(len(boxes), n))
+    candidates, left = faces.copy(), np.zeros(1, np.int64)
+    counts, alone = np.empty(len(boxes), np.int64), np.empty(len(boxes), np.int64)
+    found = np.empty((len(boxes), _FEW_FACES), np.int64)
+    find_faces(*ranges, boxes, candidates, left, found, counts, alone)
+    if left[0] > _FEW_FACES:
+        found = np.empty((len(boxes), left[0]), np.int64)
+        find_faces(*ranges, boxes, candidates[: left[0]], left, found, counts, alone)
+    return InCells(found, counts, alone)
 
 
-def side_ranges(views: FaceViews) -> NDArray[np.float64]:
-    """Return the (2, f, 5, 3) least and largest sides over the poses."""
-    return np.stack([views.sides.min(axis=0), views.sides.max(axis=0)])
-
-
-def faces_in_boxes(
-    ranges: NDArray[np.float64], boxes: NDArray[np.float64], found: NDArray[np.int64], counts: NDArray[np.int64]
+def listed_in_boxes(
+    ranges: SideRanges, boxes: NDArray[np.float64], found: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> InCells:
-    """Return which of the faces found in (t, 6) boxes of directions are not hidden there; see `find_faces`."""
+    """Return which of the faces found in (t, 6) boxes of directions are not hidden there; see `keep_faces`."""
     found, counts, alone = found.copy(), counts.copy(), np.empty(len(boxes), np.int64)
-    find_faces(ranges, boxes, found, counts, alone)
+    keep_faces(*ranges, boxes, found, counts, alone)
     return InCells(found, counts, alone)
 
 
 def tile_boxes(rays: Rays) -> NDArray[np.float64]:
     """Return (t, 6) least and largest directions of the corners of each tile of a band."""
-    ends = _tile_ends(rays)
-    low, high = rays.min(axis=0), rays.max(axis=0)
-    # a tile's last corners are the next one's first
-    low = np.minimum(np.minimum.reduceat(low[:-1], ends[:-1]), low[ends[1:]])
-    high = np.maximum(np.maximum.reduceat(high[:-1], ends[:-1]), high[ends[1:]])
-    return np.concatenate([low, high], axis=1)
-
-
-def _tile_ends(rays: Rays) -> NDArray[np.int64]:
-    """Return the columns of corners at which tiles begin, and the last one."""
-    return np.append(np.arange(0, rays.shape[1] - 1, TILE), rays.shape[1] - 1)
+    boxes = np.empty((-(-(rays.shape[1] - 1) // TILE), 6))
+    _bound_tiles(rays, boxes)
+    return boxes
 
 
 def count_splits(views: FaceViews, rays: Rays, cells: Cells) -> tuple[int, int]:
-    """Return into how many parts across and down pixels must be split so that depth is nearly constant in each."""
-    ends = _tile_ends(rays)
-    faces, seen = textured_in_tiles(views, cells)
-    corners = rays[:: len(rays) - 1, ends] @ views.sides[0, faces, DEPTH].T
-    across = np.abs(np.diff(corners, axis=1)).max(axis=0) / np.diff(ends)[:, None]
-    down = np.abs(np.diff(corners, axis=0))[0] / (len(rays) - 1)
-    w = np.maximum(np.minimum(corners[:, :-1], corners[:, 1:]).min(axis=0), views.least[faces])
-    steps = (across, np.maximum(down[:-1], down[1:]))
-    parts = [int(np.ceil((step / w)[seen].max(initial=0) / PERSPECTIVE)) for step in steps]
-    return min(MOST_SPLITS, max(1, parts[0])), min(MOST_SPLITS, max(1, parts[1]))
-
-
-def textured_in_tiles(views: FaceViews, cells: Cells) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the (n,) textured faces that fill a sampled pixel, and (t, n) in which tile.
+    """Return into how many parts across and down pixels must be split so that depth is nearly constant in each.
 
     Sampled are 4 × 4 pixels of a tile, on its border too: a face is steepest where it ends.
     """
-    sampled_columns = np.flatnonzero(np.arange(cells.owners.shape[1]) % TILE % _SAMPLED_EVERY == 0)
-    shown = cells.owners[::_SAMPLED_EVERY, sampled_columns]
-    printed = np.append(views.printed[0], [False])  # the last one stands for no face
-    shown = np.where(printed[np.maximum(shown, -1)], shown, NOTHING)
-    faces = np.unique(shown[shown >= 0])
-    columns = (shown[:, :, None] == faces).any(axis=0)
-    return faces, np.logical_or.reduceat(columns, np.flatnonzero(sampled_columns % TILE == 0))
+    steepest = np.empty(2)
+    _find_steepest(rays, views.sides, views.printed, views.least, cells.owners, _SAMPLED_EVERY, steepest)
+    across, down = np.clip(np.ceil(steepest / PERSPECTIVE), 1, MOST_SPLITS)
+    return int(across), int(down)
 
 
 def split_rays(rays: Rays, across: int, down: int) -> Rays:

@@ -197,7 +197,8 @@ def pack_textures(prints: tuple[Print, ...]) -> tuple[NDArray[np.float64], NDArr
     levels = [material.levels(texture.pixels) for texture, material in prints]
     shapes = [sums_shape(pixels) for pixels in levels]
     starts = np.cumsum([0, *(prod(shape) for shape in shapes)])
-    texels, rows = np.empty(starts[-1]), np.zeros((len(prints), 4))
+    texels, rows = np.empty(starts[-1] + 1), np.zeros((len(prints), 4))
+    texels[-1] = 0  # kernels read three of four texels
     for pixels, shape, start, end, row in zip(levels, shapes, starts, starts[1:], rows, strict=False):
         write_sums(pixels, texels[start:end].reshape(shape))
         row[:] = start, shape[2], shape[1] * shape[2] if shape[0] == 3 else 0, contrast(pixels)

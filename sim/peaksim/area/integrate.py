@@ -13,7 +13,10 @@ from peaksim.area.cells import Rays, cells_in_tiles
 from peaksim.area.faces import channels_of, view_faces
 from peaksim.area.light_map import LightMaps
 from peaksim.camera.camera import Camera
+from peaksim.native import function
 from peaksim.scene.scene import Scene
+
+_pinhole_rays = function("void pinhole_rays(i8 first, f8 fx, f8 fy, f8 cx, f8 cy, f8[rows,columns,3] rays)")
 
 
 def integrate(scene: Scene, camera: Camera, poses: NDArray[np.float64], maps: LightMaps | None = None) -> Levels:
@@ -55,7 +58,6 @@ def corner_rays(camera: Camera) -> Rays | None:
 
 def band_rays(camera: Camera, rows: slice) -> Rays:
     """Return (h + 1, w + 1, 3) directions of the pixel corners of rows of a pinhole."""
-    rays = np.ones((rows.stop - rows.start + 1, camera.width + 1, 3))
-    rays[:, :, 0] = (np.arange(camera.width + 1) - 0.5 - camera.cx) / camera.fx
-    rays[:, :, 1] = ((np.arange(rows.start, rows.stop + 1) - 0.5 - camera.cy) / camera.fy)[:, None]
+    rays = np.empty((rows.stop - rows.start + 1, camera.width + 1, 3))
+    _pinhole_rays(rows.start, camera.fx, camera.fy, camera.cx, camera.cy, rays)
     return rays

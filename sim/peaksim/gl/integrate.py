@@ -19,8 +19,8 @@ from peaksim.area.cells import (
     InCells,
     Rays,
     cells_with_owners,
-    faces_in_boxes,
     faces_in_tiles,
+    listed_in_boxes,
     side_ranges,
     tile_boxes,
     tile_cells,
@@ -155,15 +155,16 @@ def cells_shown(views: FaceViews, rays: Rays, positions: Rays, shown: Shown) -> 
     """Return the cells of a band: tiles, or single pixels where many faces are shown in their tile."""
     touching_faces = faces_in_tiles(views, rays, np.flatnonzero(shown.groups >= 0))
     hints = shown.numbers, shown.groups, *touching_faces[:2]
-    boxes, cells = tile_boxes(positions), tile_cells(rays)
+    boxes, cells = tile_boxes(positions), tile_cells(rays.shape[0] - 1, rays.shape[1] - 1)
     found, counts = np.empty((len(boxes), MOST_FACES + 1), np.int64), np.empty(len(boxes), np.int64)
     list_in_tiles(*hints, boxes, found, counts)
     full = counts > MOST_FACES
-    faces = faces_in_boxes(side_ranges(views), tile_boxes(rays), found, np.where(full, 0, counts))
+    faces = listed_in_boxes(side_ranges(views), tile_boxes(rays), found, np.where(full, 0, counts))
     if full.any():
         more = int(full[cells].sum())
         found = np.concatenate([faces.found, np.empty((more, MOST_FACES + 1), np.int64)])
         counts, alone = np.pad(faces.counts, (0, more)), np.pad(faces.alone, (0, more), constant_values=MIXED)
+        cells = cells.copy()
         list_in_pixels(*hints, positions, TILE, full, found, counts, alone, cells)
         faces = InCells(found, counts, alone)
     return cells_with_owners(views, rays, cells, faces)
