@@ -1,6 +1,6 @@
 """Members of arrays that a search missed, seen where their neighbours say that they stand, and pairs that lack one."""
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from itertools import combinations
 
 import numpy as np
@@ -82,6 +82,11 @@ def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
         explained=float(fit.explained[0]) if near else None,
         probability=sighting.probability,
     )
+
+
+def are_alike(seen: MarkerShapes, members: Sequence[int], pitch: float) -> bool:
+    """Return whether each of an array's markers is by its shape a neighbour of another one: else one is misaligned."""
+    return all(any(_misfit(seen, i, j, pitch) <= PAIR_RADIUS for j in members if j != i) for i in members)
 
 
 def pairs(seen: MarkerShapes, members: Set[int], pitch: float) -> list[tuple[int, int]]:

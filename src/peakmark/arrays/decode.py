@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from peakmark.arrays.blank import is_blank
-from peakmark.arrays.complete import CLEAR, complete, pairs
+from peakmark.arrays.complete import CLEAR, are_alike, complete, pairs
 from peakmark.arrays.lattice import Cell, Lattice, Limits, MarkerShapes, expected, lattices, positions
 from peakmark.arrays.paper import decode_upright
 from peakmark.errors import InputError, check_choice
@@ -126,8 +126,11 @@ def _decode_seen(
     size = (gray.shape[1], gray.shape[0])
     for _ in range(_ROUNDS):
         arrays = _decode(found, markers, layout, size, gray)
-        read = {id(d) for array in arrays if array.code is not None for d in array.detections}
-        kept, added = complete(gray, markers, {k for k, d in enumerate(found) if id(d) in read}, layout.pitch)
+        read = [array.detections for array in arrays if array.code is not None]
+        rows = {id(d): k for k, d in enumerate(found)}
+        groups = [[rows[id(d)] for d in members] for members in read]
+        known = {k for group in groups if are_alike(markers, group, layout.pitch) for k in group}
+        kept, added = complete(gray, markers, known, layout.pitch)
         if not added:
             break
         found, markers = (*(found[k] for k in kept), *added), _joined(markers, kept, _shapes_of(added, None))

@@ -84,3 +84,15 @@ def test_members_lead_to_one_another_in_a_large_array() -> None:
     (array,) = decode_arrays(members[:2], layout, image=image)
     assert (array.code, array.doubt) == (77, "")
     assert [d.rank for d in array.detections] == [1, 2, *(6 * [0])]
+
+
+def test_a_misaligned_marker_of_a_readable_array_is_put_right() -> None:
+    """A wrong fit of a marker, half a side off and sheared, still lies in its cell."""
+    pose = facing_wall(0.6, 20, 30, 5)
+    image, members = view(paper(3), pose), true_detections(3, pose)
+    assert members[0].affinity is not None
+    sheared = members[0].affinity @ np.array([[1.1, -0.6], [0.1, 0.8]])
+    wrong = replace(members[0], xy=members[0].xy + 0.4 * members[0].affinity[:, 0], affinity=sheared)
+    (array,) = decode_arrays([wrong, *members[1:]], image=image)
+    assert array.code == 3
+    assert np.linalg.norm(array.detections[0].xy - members[0].xy) < 0.05

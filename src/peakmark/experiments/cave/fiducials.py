@@ -24,7 +24,7 @@ from peakmark.arrays.decode import decode_arrays
 from peakmark.detectors.tags import tag_detector, tag_dictionary
 from peakmark.experiments.cave.rooms import photographs
 from peakmark.experiments.option import check_range
-from peakmark.identification.search import search_image
+from peakmark.identification.api import identify
 from peakmark.markers.array_code import THREE_BIT, polarities_of
 from peakmark.markers.patterns import Polarity, surf_marker
 from peakmark.report import plots
@@ -175,7 +175,7 @@ def find_design(design: Design, gray: NDArray[np.uint8]) -> list[tuple[int, NDAr
     """Return (id, centre) of everything that the design's detector finds."""
     if design in TAGS:
         return [(tag.id, tag.center_xy) for tag in tag_detector(TAGS[design][0])(gray)]
-    found = search_image(gray).detections
+    found = identify(gray)
     if design == "SURF marker":
         return [(int(d.polarity == "light"), d.xy) for d in found]
     return [(array.code, array.xy) for array in decode_arrays(found, image=gray) if array.code is not None]

@@ -1,0 +1,21 @@
+"""A corpus of peaksim as a set of images."""
+
+from pathlib import Path
+
+import numpy as np
+from peaksim.corpus import make_corpus, open_corpus
+
+from peakmark.experiments.images.truth import read_set
+from tests.peaksim.corpus.helpers import tiny_spec, write_tiny_scene
+
+
+def test_a_corpus_is_read_with_its_records(tmp_path: Path) -> None:
+    make_corpus(tiny_spec(frames=3), write_tiny_scene(tmp_path / "specs"), str(tmp_path / "c"))
+    corpus, known = open_corpus(str(tmp_path / "c")), read_set(tmp_path / "c")
+    assert len(known.images) == len(corpus) == 3
+    assert any(image.markers for image in known.images)
+    for number, (image, record) in enumerate(zip(known.images, corpus.records(), strict=True)):
+        assert image.sensor == record["camera"]["name"]
+        seen = [m for m in record["markers"] if m["visible_fraction"] > 0 and None not in m["points_xy"][0]]
+        assert {m.xy for m in image.markers} <= {tuple(m["points_xy"][0]) for m in seen}
+        assert np.array_equal(known.read(number), corpus.picture(number))
