@@ -1,6 +1,7 @@
 # make floor   the main job: environment, then render, detect and score the lab floor into out/floor
 # make test    the default tests          make test-all   the long ones too
 # make native  the kernels in C, where sources changed; the other targets do it too
+# make test-sanitize   the kernels' tests under address and undefined-behaviour sanitizers
 # make wheels  dist/*.whl for Linux (x86-64, aarch64), macOS (arm64) and Windows (x86-64), all compiled here
 # make check   ruff and mypy              make regress    the detectors on two suites, beside the accepted figures
 # make bench   our SURF's time and memory against OpenCV's and mahotas's, as ratios, beside benchmarks/baseline.json
@@ -11,7 +12,7 @@ READY := .venv/.ready
 TESTS_READY := .venv/.tests-ready
 NATIVE := sim/peaksim/_native/build.json
 
-.PHONY: floor native wheels test test-all check regress bench parity clean
+.PHONY: floor native wheels test test-sanitize test-all check regress bench parity clean
 
 floor: $(READY) $(NATIVE)
 	$(PYTHON) scripts/render_floor.py --out out/floor
@@ -54,6 +55,9 @@ $(READY): pyproject.toml tools/install.sh
 $(TESTS_READY): pyproject.toml tools/install.sh
 	bash tools/install.sh test
 	touch $@ $(READY)
+
+test-sanitize: $(TESTS_READY) $(NATIVE)
+	$(PYTHON) -m pytest -m slow tests/test_sanitized.py tests/peakmark/surf/test_bounds.py
 
 wheels: $(READY)
 	for target in linux-x86_64 linux-aarch64 macos-arm64 windows-x86_64; do \

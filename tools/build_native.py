@@ -34,7 +34,12 @@ ZIG = "ziglang==0.14.1"
 FLAGS = ["-std=c11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fvisibility=hidden"]
 """No contraction to fused multiply-add, which rounds otherwise: the same bytes on every processor."""
 
-SANITIZE = ["-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+SANITIZE = [
+    "-g",
+    "-fno-omit-frame-pointer",
+    "-fsanitize=address,undefined,float-cast-overflow",
+    "-fno-sanitize-recover=all",
+]
 BUILDS = {"x86_64": {"": ["-msse4.2", "-mpopcnt"], "-avx2": ["-msse4.2", "-mpopcnt", "-mavx2"]}}
 """Machine → the builds for it, from the plainest on; wider registers, never fused multiply-add."""
 

@@ -8,6 +8,7 @@ EXTRAS = {
     "distributed": "distributed",
     "evo": "evo",
     "pandas": "pandas",
+    "pupil_apriltags": "compare",
     "pycolmap": "vlfeat",
     "rerun": "rerun",
 }

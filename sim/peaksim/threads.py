@@ -52,6 +52,11 @@ class _Pool:
 _pool = _Pool()
 
 
+def processor_count() -> int:
+    """Return how many processors this process may use; where the system does not say, how many there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def map_in_threads(work: Callable[[Task], Result], tasks: Iterable[Task], count: int) -> list[Result]:
     """`[work(task) for task in tasks]`, shared by the caller's thread and at most `count` − 1 others.
 
@@ -85,4 +90,5 @@ def _forget_pool() -> None:
     _pool = _Pool()
 
 
-os.register_at_fork(after_in_child=_forget_pool)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_pool)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 from typing import TypeVar
 
-from peaksim.threads import map_in_threads
+from peaksim.threads import map_in_threads, processor_count
 
 from peakmark.errors import InputError
 
@@ -21,11 +21,11 @@ _threads: int | None = None
 
 
 def thread_count() -> int:
-    """Number of threads in use: the last `set_thread_count`, else NUMBA_NUM_THREADS, else the CPUs allowed to us."""
+    """Number of threads in use: the last `set_thread_count`, else PEAKMARK_THREADS, else the CPUs allowed to us."""
     if _threads is not None:
         return _threads
-    asked = os.environ.get("NUMBA_NUM_THREADS", "")
-    return int(asked) if asked.isdigit() and int(asked) > 0 else len(os.sched_getaffinity(0))
+    asked = os.environ.get("PEAKMARK_THREADS", "")
+    return int(asked) if asked.isdigit() and int(asked) > 0 else processor_count()
 
 
 def set_thread_count(count: int | None) -> None:

@@ -56,12 +56,12 @@ def test_what_a_task_raises_is_raised(count: int, bad: int) -> None:
 
 
 def test_the_count_is_the_callers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
+    monkeypatch.setenv("PEAKMARK_THREADS", "3")
     assert parallel.thread_count() == 3
     with parallel.threads(7):
         assert parallel.thread_count() == 7
     assert parallel.thread_count() == 3
-    monkeypatch.delenv("NUMBA_NUM_THREADS")
+    monkeypatch.delenv("PEAKMARK_THREADS")
     assert parallel.thread_count() == len(os.sched_getaffinity(0))
     with pytest.raises(InputError, match="at least 1, got 0"):
         parallel.set_thread_count(0)

@@ -9,7 +9,12 @@ from tests.places import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PACKAGES = {"OpenGL": "PyOpenGL", "pyrender": "scikit-robot-pyrender", "mpl_toolkits": "matplotlib", "drjit": "mitsuba"}
-PACKAGES |= {"skimage": "scikit-image", "sklearn": "scikit-learn", "rerun": "rerun-sdk"}
+PACKAGES |= {
+    "skimage": "scikit-image",
+    "sklearn": "scikit-learn",
+    "rerun": "rerun-sdk",
+    "pupil_apriltags": "pupil-apriltags",
+}
 
 
 @pytest.mark.parametrize("library", EXTRAS)

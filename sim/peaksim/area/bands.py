@@ -19,7 +19,7 @@ from peaksim.area.run import fill_owned
 from peaksim.area.sky import Sky, sky_levels, sky_of
 from peaksim.errors import InputError
 from peaksim.scene.scene import Scene
-from peaksim.threads import map_in_threads
+from peaksim.threads import map_in_threads, processor_count
 
 BAND_ROWS = 16
 """Rows a thread takes at a time; fixed, so that bytes do not depend on the number of threads."""
@@ -135,4 +135,4 @@ def thread_count() -> int:
     wanted = os.environ.get("PEAKSIM_THREADS") or "0"
     if not wanted.isdecimal():
         raise InputError(f"PEAKSIM_THREADS: expected a whole number of threads, got {wanted!r}")
-    return int(wanted) or len(os.sched_getaffinity(0))
+    return int(wanted) or processor_count()

@@ -33,7 +33,7 @@ _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _ONE_THREAD = dict.fromkeys(
     (
         "PEAKSIM_THREADS",
-        "NUMBA_NUM_THREADS",
+        "PEAKMARK_THREADS",
         "OMP_NUM_THREADS",
         "OPENBLAS_NUM_THREADS",
         "LP_NUM_THREADS",

@@ -1,12 +1,12 @@
 """`peakmark corpus make|check|show`: arguments, progress, and what the terminal shows."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 from peaksim.corpus import check_corpus, load_spec, make_corpus
 from peaksim.corpus.backends import Backend, in_process, on_dask, processes
 from peaksim.corpus.check import unchecked_inputs
+from peaksim.threads import processor_count
 from typer import Argument, Exit, Option
 
 from peakmark.cli.command import examples, plain_app, resumable
@@ -67,7 +67,7 @@ def backend_of(workers: int | None, dask: str | None) -> Backend:
         if workers is not None:
             raise InputError(f"--workers {workers}: expected --workers or --dask, not both: the scheduler has its own")
         return on_dask(dask)
-    count = len(os.sched_getaffinity(0)) if workers is None else workers
+    count = processor_count() if workers is None else workers
     return in_process() if count == 1 else processes(count)
 
 

@@ -52,7 +52,7 @@ def hold_the_interpreter(folder: str, number: int) -> None:
 
 
 def threads(number: int) -> str:
-    return ",".join(os.environ.get(name, "") for name in ("PEAKSIM_THREADS", "NUMBA_NUM_THREADS", "LP_NUM_THREADS"))
+    return ",".join(os.environ.get(name, "") for name in ("PEAKSIM_THREADS", "PEAKMARK_THREADS", "LP_NUM_THREADS"))
 
 
 def test_in_process_keeps_the_order() -> None:

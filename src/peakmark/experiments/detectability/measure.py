@@ -1,12 +1,12 @@
 """Detectability under distortion (paper, Section 4.1), over random phases: points, in any number of workers."""
 
-import os
 from collections.abc import Sequence
 from functools import cache, lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+from peaksim.threads import processor_count
 
 from peakmark.detectors.outcome import Outcome, run_detector
 from peakmark.detectors.registry import Detector, find_detector
@@ -101,7 +101,7 @@ def measure_points(
     ordered = grouped_by_drawing(points(config))
     trials = 1 if config.is_paper else config.trials
     work = partial(_measured, ordered, trials, config.seed)
-    run_items(journal, [point.name for point in ordered], work, workers or len(os.sched_getaffinity(0)), on_point)
+    run_items(journal, [point.name for point in ordered], work, workers or processor_count(), on_point)
     return _rows(config, journal)
 
 
