@@ -32,8 +32,29 @@ static int64_t add_face(int64_t *faces, int64_t n, int64_t face) {
 static int64_t first_sample(double low) { return most((int64_t)floor(low - 0.5), 0); }
 static int64_t last_sample(double high, int64_t end) { return least((int64_t)floor(high + 0.5) + 1, end); }
 
-/* List the faces of the samples that touch a rectangle, and those of n that touch them; return their number. */
-static int64_t list_between(Shown shown, Bounds bounds, const int64_t *touching, int64_t n_touching, int64_t *faces) {
+/* A pixel, for what may be visible in it. */
+typedef struct {
+    const FaceSides *sides;
+    Rays rays;
+    int64_t y, x;
+} Pixel;
+
+/* Whether a face is certainly outside a pixel: one of its sides has all corners of the pixel on its outer side. */
+static bool is_outside(const Pixel *pixel, int64_t face) {
+    for (int side = 0; side < SIDES; side++) {
+        int outside = 0;
+        for (int corner = 0; corner < 4; corner++)
+            outside += dot(pixel->sides[face][side],
+                           corner_of(pixel->rays, pixel->y + corner / 2, pixel->x + corner % 2)) < 0.0;
+        if (outside == 4) return true;
+    }
+    return false;
+}
+
+/* List the faces of the samples that touch a rectangle, and those of n that touch them, of a pixel only if they may
+   reach into it; return their number. */
+static int64_t list_between(Shown shown, Bounds bounds, const int64_t *touching, int64_t n_touching, const Pixel *pixel,
+                            int64_t *faces) {
     const int64_t first = first_sample(bounds.left), end = last_sample(bounds.right, shown.columns);
     const int64_t bottom = last_sample(bounds.bottom, shown.rows);
     uint32_t last = 0;
@@ -48,7 +69,10 @@ static int64_t list_between(Shown shown, Bounds bounds, const int64_t *touching,
     const int64_t n_shown = n;
     for (int64_t other = 0; other < n_touching; other++)
         for (int64_t k = 0; k < n_shown; k++)
-            if (shown.groups[touching[other]] == shown.groups[faces[k]]) n = add_face(faces, n, touching[other]);
+            if (shown.groups[touching[other]] == shown.groups[faces[k]]) {
+                if (!pixel || !is_outside(pixel, touching[other])) n = add_face(faces, n, touching[other]);
+                break;
+            }
     return n;
 }
 
@@ -61,7 +85,7 @@ EXPORT void list_in_tiles(const uint32_t *numbers, int64_t rows, int64_t columns
     for (int64_t tile = 0; tile < tiles; tile++) {
         const double *box = boxes + 6 * tile;
         const Bounds bounds = {box[0], box[1], box[3], box[4]};
-        counts[tile] = list_between(shown, bounds, touching + tile * room, n_touching[tile], found + LIST * tile);
+        counts[tile] = list_between(shown, bounds, touching + tile * room, n_touching[tile], 0, found + LIST * tile);
     }
 }
 
@@ -81,18 +105,21 @@ static Bounds pixel_bounds(Rays positions, int64_t y, int64_t x) {
 /* Write the candidates of each pixel of those tiles that have too many, behind those of tiles. */
 EXPORT void list_in_pixels(const uint32_t *numbers, int64_t rows, int64_t columns, const int64_t *groups, int64_t faces,
                            const int64_t *touching, int64_t tiles, int64_t room, const int64_t *n_touching,
-                           const double *positions, int64_t corner_rows, int64_t corner_columns, int64_t tile_width,
+                           const double *positions, int64_t corner_rows, int64_t corner_columns, const double *rays,
+                           const double *sides, int64_t poses, int64_t tile_width,
                            const bool *full, int64_t *found, int64_t lists, int64_t *counts, int64_t *alone,
                            int64_t *cells, int64_t height, int64_t width) {
     const Shown shown = {numbers, rows, columns, groups};
     const Rays corners = rays_of(positions, corner_rows, corner_columns);
     int64_t cell = tiles;
-    (void)faces, (void)lists;
+    (void)faces, (void)lists, (void)poses;
     for (int64_t pixel = 0; pixel < height * width; pixel++) {
         const int64_t tile = pixel % width / tile_width;
         if (!full[tile]) continue;
         const Bounds bounds = pixel_bounds(corners, pixel / width, pixel % width);
-        counts[cell] = list_between(shown, bounds, touching + tile * room, n_touching[tile], found + LIST * cell);
+        const Pixel here = {(const FaceSides *)sides, rays_of(rays, corner_rows, corner_columns), pixel / width,
+                            pixel % width};
+        counts[cell] = list_between(shown, bounds, touching + tile * room, n_touching[tile], &here, found + LIST * cell);
         if (counts[cell] > MOST_FACES) alone[cell] = CROWDED;
         cells[pixel] = cell++;
     }

@@ -21,6 +21,7 @@ from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
 from peaksim.gl.context import why_not
 from peaksim.notices import notice_once
+from peaksim.scene.detail import suited_to
 from peaksim.scene.needs import is_bakeable, left_out
 from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
@@ -157,6 +158,8 @@ def draw_levels(
     if needs:
         notice_once(f'the {renderer} renderer leaves out {", ".join(needs)}; renderer "traced" draws them{why}')
     moments = posed.moments(count_moments(scene, posed)) if posed.is_blurred else (posed,)
+    if maps is None:
+        scene = suited_to(scene, posed)
     images = (_draw_sharp(scene, moment, renderer, maps) for moment in moments)
     linear = next(images) / np.float32(len(moments)) if len(moments) > 1 else next(images)
     for image in images:

@@ -113,7 +113,8 @@ def _quad_faces(
     quad = np.repeat(np.arange(len(quads)), counts)
     number = np.arange(len(quad)) - np.repeat(np.cumsum(counts) - counts, counts)
     whole = np.array([q.texture.size for q in quads], dtype=np.float64).reshape(-1, 2)[quad]
-    sizes = whole / np.stack([counts[quad], np.ones(len(quad))], axis=1)
+    is_down = np.array([q.bend is not None and q.bend.along == 1 for q in quads], dtype=bool)[quad]
+    sizes = whole / np.where(is_down[:, None] == [False, True], counts[quad, None], 1)
     sides = (corners[:, [1, 3]] - corners[:, :1]) / sizes[:, :, None]
     planes = np.concatenate([corners[:, :1], sides], axis=1)
     table = np.zeros((len(quad), COLUMNS))
@@ -121,7 +122,8 @@ def _quad_faces(
     table[:, EXTENT_P : EXTENT_Q + 1] = sizes
     table[:, LEVEL:NORMAL] = BACK_LEVEL
     table[:, MAP : MAP + 6] = 0, 1, 0, 0, 0, 1
-    table[:, MAP] = number * sizes[:, 0]
+    table[:, MAP] = np.where(is_down, 0, number * sizes[:, 0])
+    table[:, MAP + 3] = np.where(is_down, number * sizes[:, 1], 0)
     table[:, IS_QUAD] = 1
     table[:, EXTENT_U : EXTENT_V + 1] = whole
     return planes, table

@@ -36,7 +36,8 @@ found, counts
 """
 list_in_pixels = function(
     "void list_in_pixels(const u4[rows,columns] numbers, const i8[faces] groups, const i8[tiles,room] touching, "
-    "const i8[tiles] n_touching, const f8[corner_rows,corner_columns,3] positions, i8 tile_width, "
+    "const i8[tiles] n_touching, const f8[corner_rows,corner_columns,3] positions, "
+    "const f8[corner_rows,corner_columns,3] rays, const f8[poses,faces,5,3] sides, i8 tile_width, "
     "const b1[tiles] full, i8[lists,25] found, i8[lists] counts, i8[lists] alone, i8[height,width] cells)"
 )
 """Write the candidates of each pixel of those tiles that have too many.
@@ -45,6 +46,9 @@ numbers, groups, touching, n_touching
     As in `list_in_tiles`.
 positions
     (h + 1, w + 1, 3) (column, row, 1) of the pixel corners in the image of numbers.
+rays, sides
+    Directions of the pixel corners, and the faces, as in `find_owners`: of the touching ones those are listed that may
+    reach into a pixel.
 tile_width
     Width of a tile, px.
 full

@@ -68,6 +68,8 @@ class MarkerTruth:
     """Picture of the circle inscribed in the pattern; nan where part of it is behind the camera."""
     blur_mean_xy: NDArray[np.float64] = field(default_factory=lambda: _unknown(2))
     """(2,) mean of `center_xy` over the exposure, px: the centroid of the blurred marker."""
+    outline_xy: NDArray[np.float64] = field(default_factory=lambda: _unknown(4, 2))
+    """(n, 2) px around the pattern, from its top left corner clockwise: `corners_xy`, or on bent paper 64 points."""
     blur_covariance_px2: NDArray[np.float64] = field(default_factory=lambda: _unknown(2, 2))
     """(2, 2) covariance of `center_xy` over the exposure, px²; 0 where the camera stands still."""
 

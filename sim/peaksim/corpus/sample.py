@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from peaksim.area.faces import panel_counts
 from peaksim.area.rays import first_faces, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import Frame, MarkerTruth
@@ -30,6 +31,8 @@ KEYPOINTS = ("center", "top_left", "top_right", "bottom_right", "bottom_left")
 """The points of a marker, in the order of every table."""
 
 UNSEEN, COVERED, SEEN = 0, 1, 2
+_SAME_POINT = 2e-3
+"""Share of a distance within which a ray meets the point that it was aimed at."""
 """Visibility of a point as COCO counts it: outside the image, hidden behind something, seen."""
 
 Record = dict[str, Any]
@@ -194,7 +197,8 @@ def _is_listed(camera: Camera, marker: MarkerTruth) -> bool:
 def _world_points(quad: Any, mark: Any) -> NDArray[np.float64]:
     """Return the (5, 3) world points of a marker: centre and corners, metres."""
     corners = rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m))
-    return np.concatenate([corners.mean(axis=0)[None], corners])
+    center = corners.mean(axis=0)[None] if quad.bend is None else quad.points_m([mark.center_m])
+    return np.concatenate([center, corners])
 
 
 def point_states(
@@ -209,8 +213,11 @@ def point_states(
     xy = camera.project(transform(invert(pose), points_m.reshape(-1, 3)))
     in_picture = camera.contains(xy)
     drawn_in = points_m + 1e-3 * (points_m[:, :1] - points_m)
-    first, _ = first_faces(solids_of(scene, quads=True), pose[:3, 3], drawn_in.reshape(-1, 3) - pose[:3, 3])
-    seen = first == np.repeat(owners, points_m.shape[1])
+    first, reached = first_faces(solids_of(scene, quads=True), pose[:3, 3], drawn_in.reshape(-1, 3) - pose[:3, 3])
+    counts = panel_counts(scene.quads)
+    quad_of_panel = np.append(np.repeat(np.arange(len(counts)), counts), -1)
+    seen = quad_of_panel[np.where(first < len(quad_of_panel) - 1, first, -1)] == np.repeat(owners, points_m.shape[1])
+    seen &= np.abs(reached - 1) < _SAME_POINT  # bent paper may hide itself
     return np.where(in_picture, np.where(seen, SEEN, COVERED), UNSEEN).reshape(len(points_m), -1)
 
 

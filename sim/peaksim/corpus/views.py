@@ -11,7 +11,7 @@ from peaksim.corpus.spec import AnyView, FlightView, MarkerView, RandomView
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, invert, look_at, rotation_about, transform
 from peaksim.geometry.trajectory import Trajectory
-from peaksim.scene.scene import Mark, Mesh, Quad, Scene, rectangle_m
+from peaksim.scene.scene import Mark, Mesh, Quad, Scene
 
 _ROOM_M = 0.02
 """The camera keeps this distance from walls and furniture."""
@@ -43,9 +43,9 @@ def marker_view(view: MarkerView, scene: Scene, camera: Camera, draws: Draws) ->
         for name, spread in (("tilt_deg", view.tilt_deg), ("azimuth_deg", view.azimuth_deg))
     )
     out = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
-    center = transform(quad.world_from_quad, [*mark.center_m, 0.0])
-    eye = center + draws.value("view.distance_m", view.distance_m) * (quad.world_from_quad[:3, :3] @ out)
-    up = quad.world_from_quad[:3, 1 if tilt < np.radians(1) else 2]
+    center, rotation = quad.points_m([mark.center_m])[0], quad.rotation_at(mark.center_m)
+    eye = center + draws.value("view.distance_m", view.distance_m) * (rotation @ out)
+    up = rotation[:, 1 if tilt < np.radians(1) else 2]
     head_on = roll_camera(look_at(eye, center, up), draws.value("view.roll_deg", view.roll_deg))
     return _aim_off_axis(
         head_on, camera, draws.value("view.off_axis", view.off_axis), draws.share("view.off_axis.turn")
@@ -118,8 +118,8 @@ def markers_ahead(scene: Scene, camera: Camera, pose: Pose) -> int:
     marks = list(marks_of(scene))
     if not marks:
         return 0
-    centers = np.array([rectangle_m(quad, mark.center_m, (mark.side_m,) * 2).mean(axis=0) for quad, mark in marks])
-    normals = np.array([quad.world_from_quad[:3, 2] for quad, _ in marks])
+    centers = np.array([quad.points_m([mark.center_m])[0] for quad, mark in marks])
+    normals = np.array([quad.normals_at([mark.center_m])[0] for quad, mark in marks])
     faces_us = ((pose[:3, 3] - centers) * normals).sum(axis=1) > 0
     xy = camera.project(transform(invert(pose), centers))
     return int((faces_us & camera.contains(xy)).sum())

@@ -26,7 +26,7 @@ from peaksim.area.cells import (
     tile_cells,
 )
 from peaksim.area.cut import new_lists
-from peaksim.area.faces import FaceViews, channels_of, distance_range, panels_m, view_faces
+from peaksim.area.faces import FaceViews, channels_of, distance_range, panel_counts, panels_m, view_faces
 from peaksim.area.integrate import integrate as integrate_sky
 from peaksim.area.light_map import LightMaps
 from peaksim.area.owner import MIXED, TILE
@@ -36,7 +36,7 @@ from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose
 from peaksim.gl.context import draw_numbers, gl_renderer, is_available
 from peaksim.gl.tiles import split_into_tiles, window_of
-from peaksim.scene.scene import Scene
+from peaksim.scene.scene import Quad, Scene
 
 __all__ = ["gl_renderer", "integrate", "is_available"]
 
@@ -75,15 +75,23 @@ def integrate(scene: Scene, camera: Camera, world_from_camera: Pose, maps: Light
 
 @lru_cache(maxsize=1)
 def touching_groups(scene: Scene) -> NDArray[np.int64]:
-    """Return (f,) numbers: faces with the same one ≥ 0 are panels that lie on each other; −1 for all others."""
+    """Return (f,) numbers: panels that lie on each other, or are of one quad, have the same one ≥ 0; all others −1."""
     corners = panels_m(scene.quads)
     groups = np.full(len(corners) + sum(len(mesh.faces) for mesh in scene.meshes), -1)
     if len(corners):
-        pairs = _touching_pairs(corners)
+        pairs = np.concatenate([_touching_pairs(corners), _neighbours(scene.quads)])
         links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(corners), len(corners)))
         _, labels = connected_components(links)
         groups[: len(corners)] = np.where(np.bincount(labels)[labels] > 1, labels, -1)
     return groups
+
+
+def _neighbours(quads: tuple[Quad, ...]) -> NDArray[np.intp]:
+    """Return (p, 2) panels that are neighbours on a quad: those of bent paper may be too narrow to be shown."""
+    counts = panel_counts(quads)
+    quad = np.repeat(np.arange(len(quads)), counts)
+    first = np.flatnonzero(quad[:-1] == quad[1:])
+    return np.stack([first, first + 1], axis=1)
 
 
 def _touching_pairs(corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -165,7 +173,7 @@ def cells_shown(views: FaceViews, rays: Rays, positions: Rays, shown: Shown) -> 
         found = np.concatenate([faces.found, np.empty((more, MOST_FACES + 1), np.int64)])
         counts, alone = np.pad(faces.counts, (0, more)), np.pad(faces.alone, (0, more), constant_values=MIXED)
         cells = cells.copy()
-        list_in_pixels(*hints, positions, TILE, full, found, counts, alone, cells)
+        list_in_pixels(*hints, positions, rays, views.sides, TILE, full, found, counts, alone, cells)
         faces = InCells(found, counts, alone)
     return cells_with_owners(views, rays, cells, faces)
 

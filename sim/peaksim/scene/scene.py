@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from peaksim.errors import SceneError
-from peaksim.geometry.pose import Pose, rigid
+from peaksim.geometry.pose import Pose, rigid, transform
 from peaksim.notices import notice_once
+from peaksim.scene.bend import Bend
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import PRINT, Material
 from peaksim.scene.mesh_file import Up, read_mesh
@@ -44,7 +45,7 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """A flat printed rectangle; its frame is x right, y up, z out of the printed face, origin at the centre."""
+    """A printed rectangle, flat or bent; its frame is x right, y up, z out of the print, origin at the centre."""
 
     name: str
     """Unique name in the scene."""
@@ -58,6 +59,8 @@ class Quad:
     """What is printed on it. A string is the kind of one marker that fills the quad's shorter side."""
     material: Material = PRINT
     """Of the printed face."""
+    bend: Bend | None = None
+    """How the paper is bent, None for flat: its middle stays where it is, and lengths on the print stay."""
 
     def __post_init__(self) -> None:
         size_m = _numbers(self.size_m, (2,), f"quad {self.name!r}: size_m")
@@ -65,6 +68,8 @@ class Quad:
             raise SceneError(f"quad {self.name!r}: size_m: expected two positive numbers, got {self.size_m!r}")
         if not isinstance(self.texture, Texture):
             raise SceneError(f"quad {self.name!r}: texture: expected a Texture, got {type(self.texture).__name__}")
+        if self.bend is not None:
+            self.bend.checked(self.size_m, f"quad {self.name!r}")
         object.__setattr__(self, "marker", _marks(self.marker, f"quad {self.name!r}: marker"))
         object.__setattr__(self, "world_from_quad", rigid(self.world_from_quad, f"quad {self.name!r}: pose"))
 
@@ -84,16 +89,38 @@ class Quad:
 
     @cached_property
     def panels_m(self) -> NDArray[np.float64]:
-        """(n, 4, 3) world corners of the flat rectangles that it is drawn as, from the left, each as `corners_m`."""
-        return self.corners_m[None]
+        """(n, 4, 3) world corners of the flat rectangles that it is drawn as, from left or top, each as `corners_m`."""
+        if self.bend is None:
+            return self.corners_m[None]
+        return np.asarray(transform(self.world_from_quad, self.bend.panels_m(self.size_m)))
+
+    def points_m(self, xy_m: ArrayLike) -> NDArray[np.float64]:
+        """Return the (n, 3) world points of (n, 2) positions on the print: x right, y up, from its middle, metres."""
+        xy = np.asarray(xy_m, dtype=np.float64).reshape(-1, 2)
+        local = np.column_stack([xy, np.zeros(len(xy))]) if self.bend is None else self.bend.points_m(xy)
+        return np.asarray(local @ self.world_from_quad[:3, :3].T + self.world_from_quad[:3, 3])
+
+    def rotation_at(self, xy_m: tuple[float, float]) -> NDArray[np.float64]:
+        """Return (3, 3) world directions, in columns, of the print's right, up and normal at a position on it."""
+        if self.bend is None:
+            return np.asarray(self.world_from_quad[:3, :3])
+        normal, straight = self.bend.normals(np.array([xy_m]))[0], np.eye(3)[1 - self.bend.along]
+        bent = np.cross(straight, normal) if self.bend.along == 0 else np.cross(normal, straight)
+        local = [bent, straight, normal] if self.bend.along == 0 else [straight, bent, normal]
+        return np.asarray(self.world_from_quad[:3, :3] @ np.stack(local, axis=1))
+
+    def normals_at(self, xy_m: ArrayLike) -> NDArray[np.float64]:
+        """Return the (n, 3) unit normals, world, out of the print at (n, 2) positions on it."""
+        xy = np.asarray(xy_m, dtype=np.float64).reshape(-1, 2)
+        local = np.tile([0.0, 0, 1], (len(xy), 1)) if self.bend is None else self.bend.normals(xy)
+        return np.asarray(local @ self.world_from_quad[:3, :3].T)
 
 
 def rectangle_m(quad: Quad, center_m: tuple[float, float], size_m: tuple[float, float]) -> NDArray[np.float64]:
-    """Return the (4, 3) world corners of a rectangle in the quad's plane, from top-left clockwise."""
+    """Return the (4, 3) world corners of a rectangle on the quad's print, from top-left clockwise."""
     x, y = center_m
     w, h = size_m[0] / 2, size_m[1] / 2
-    flat = np.array([[x - w, y + h, 0], [x + w, y + h, 0], [x + w, y - h, 0], [x - w, y - h, 0]])
-    return np.asarray(flat @ quad.world_from_quad[:3, :3].T + quad.world_from_quad[:3, 3])
+    return quad.points_m([[x - w, y + h], [x + w, y + h], [x + w, y - h], [x - w, y - h]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,6 +63,8 @@ def light_key(scene: Scene, texel_m: float = TEXEL_M) -> str:
     digest = sha256(repr((_FORMAT, texel_m, version("mitsuba"), version("drjit"))).encode())
     for quad in scene.quads:
         _add(digest, quad.world_from_quad, quad.size_m, quad.texture.pixels, asdict(quad.material))
+        if quad.bend is not None:
+            _add(digest, asdict(quad.bend))
     for mesh in scene.meshes:
         _add(digest, mesh.triangles_m, mesh.color, asdict(mesh.material))
         if mesh.skin is not None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.faces import BACK_LEVEL, channels_of, corner_levels, mesh_levels
+from peaksim.scene.bend import Bend
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import WHITE, Material
 from peaksim.scene.scene import Light, Mesh, Quad, Scene
@@ -51,8 +52,11 @@ def traceable(scene: Scene) -> Traceable:
             if key not in prints:
                 front = _surface(mi, quad.material, _image(mi, quad.texture, quad.material))
                 prints[key] = _two_sided(mi, front, _plain(mi, BACK_LEVEL))
-            square = _rectangle(mi, quad.world_from_quad, quad.size_m, lift_m)
-            objects[f"quad{k}"] = mi.load_dict({**square, "bsdf": prints[key]})
+            if quad.bend is None:
+                square = _rectangle(mi, quad.world_from_quad, quad.size_m, lift_m)
+                objects[f"quad{k}"] = mi.load_dict({**square, "bsdf": prints[key]})
+            else:
+                objects[f"quad{k}"] = _triangles(mi, f"quad{k}", prints[key], bent_corners(quad, quad.bend))
         for k, mesh in enumerate(scene.meshes):
             for j, part in enumerate(_mesh(mi, mesh, channels)):
                 objects[f"mesh{k}_{j}"] = part
@@ -104,6 +108,22 @@ def _mesh(mi: Any, mesh: Mesh, channels: int) -> Iterator[Any]:
             reflectance, values = _plain_reflectance(mi, mesh_levels(mesh, channels)), {}
         side = {"type": "twosided", "side": _surface(mi, mesh.material, reflectance)}
         yield _triangles(mi, f"{mesh.name}_{number}", mi.load_dict(side), {"positions": corners[some], **values})
+
+
+def bent_corners(quad: Quad, bend: Bend) -> dict[str, NDArray[np.float64]]:
+    """Return positions, normals and texture coordinates at the corners of a bent quad's panels, two triangles each."""
+    panels = quad.panels_m
+    shares = np.linspace(0, 1, len(panels) + 1)
+    ends = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])  # right and down, of a panel
+    places = np.tile(ends, (len(panels), 1, 1))
+    places[:, :, bend.along] = np.where(ends[:, bend.along] > 0, shares[1:, None], shares[:-1, None])
+    xy_m = (places - 0.5) * [1, -1] * quad.size_m
+    normals = quad.normals_at(xy_m.reshape(-1, 2)).reshape(-1, 4, 3)
+    uv, two = np.stack([places[..., 0], 1 - places[..., 1]], axis=-1), [0, 3, 2, 0, 2, 1]
+    return {
+        name: values[:, two].reshape(-1, 3, values.shape[-1])
+        for name, values in (("positions", panels), ("normals", normals), ("texcoords", uv))
+    }
 
 
 def _triangles(mi: Any, name: str, bsdf: Any, values: dict[str, NDArray[np.float64]]) -> Any:

@@ -12,9 +12,9 @@ from peaksim.camera.frame import MarkerTruth
 from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.polygon import clip_polygon, polygon_area
 from peaksim.geometry.pose import invert, transform
-from peaksim.scene.scene import Scene, rectangle_m
+from peaksim.scene.scene import Mark, Quad, Scene, rectangle_m
 from peaksim.truth.outline import part_before, seen_outline
-from peaksim.truth.shape import affinities, ellipses
+from peaksim.truth.shape import CIRCLE, affinities, ellipses, rims_m
 
 if TYPE_CHECKING:
     from peaksim.area.rays import Solids
@@ -28,6 +28,10 @@ _BESIDE = np.cos(np.radians(89))
 _UNIT_SQUARE = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1]])
 _IN_PLANE_M = 1e-12
 """Faces closer than this are in one plane."""
+OUTLINE_POINTS = 16
+"""Points a side of the outline of a marker on bent paper."""
+_SAME_POINT = 1e-6
+"""Share of a distance within which a ray's hit is the point that it was aimed at."""
 _MOMENTS = 32
 """Moments of the exposure at which a centre is projected."""
 
@@ -42,6 +46,10 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
         [rectangle_m(quad, mark.center_m, (mark.side_m, mark.side_m)) for quad in scene.quads for mark in quad.marks]
     )
     centers, normals = corners.mean(axis=1), np.array([scene.quads[k].world_from_quad[:3, 2] for k in owners])
+    squares, rims = corners.copy(), rims_m(corners)
+    bent = [k for k, owner in enumerate(owners) if scene.quads[owner].bend is not None]
+    for k in bent:
+        centers[k], normals[k], squares[k], rims[k] = _on_bent(scene.quads[owners[k]], marks[k])
     centers_xy, corners_xy = posed.project(centers), posed.project(corners.reshape(-1, 3)).reshape(-1, 4, 2)
     eyes = posed.row_poses(np.nan_to_num(centers_xy[:, 1]))[:, :3, 3]
     distances = np.linalg.norm(eyes - centers, axis=1)
@@ -49,7 +57,9 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
     tilts_deg = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
     in_camera = transform(invert(posed.pose), corners)
     shares = _visible_fractions(scene, posed, owners, (corners, corners_xy, in_camera), cosines > 0)
-    shapes = affinities(posed, corners), ellipses(posed, corners)
+    outlines = {k: posed.project(outline_m(scene.quads[owners[k]], marks[k])) for k in bent}
+    shares[bent] = [bent_visible_fraction(scene, posed, int(owners[k]), marks[k]) for k in bent]
+    shapes = affinities(posed, squares), ellipses(posed, rims)
     means, covariances = projection_blur(posed.moments(_MOMENTS if posed.is_blurred else 1), centers)
     return tuple(
         MarkerTruth(
@@ -57,7 +67,8 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
             kind=mark.kind,
             center_xy=centers_xy[k],
             corners_xy=corners_xy[k],
-            side_px=_side_px(posed.camera, corners_xy[k], in_camera[k]),
+            outline_xy=outlines.get(k, corners_xy[k]),
+            side_px=_side_px(posed.camera, outlines.get(k, corners_xy[k]), in_camera[k]),
             distance_m=float(distances[k]),
             tilt_deg=float(tilts_deg[k]),
             visible_fraction=float(shares[k]),
@@ -68,6 +79,27 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
         )
         for k, mark in enumerate(marks)
     )
+
+
+def _on_bent(
+    quad: Quad, mark: Mark
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return a marker's centre, normal there, corners of the square that touches it there, and rim, on bent paper."""
+    center = np.array([mark.center_m])
+    rim = quad.points_m(center + CIRCLE * [1, -1] * mark.side_m)
+    point, normal = quad.points_m(center)[0], quad.normals_at(center)[0]
+    step = 1e-6 * mark.side_m
+    right, up = ((quad.points_m(center + d) - quad.points_m(center - d))[0] for d in ([step, 0], [0, step]))
+    right, up = (mark.side_m / 2 * v / np.linalg.norm(v) for v in (right, up))
+    return point, normal, point + np.array([up - right, up + right, right - up, -up - right]), rim
+
+
+def outline_m(quad: Quad, mark: Mark) -> NDArray[np.float64]:
+    """Return (4·OUTLINE_POINTS, 3) world points around a marker's pattern, from its top left corner clockwise."""
+    ends = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) * mark.side_m / 2 + mark.center_m
+    steps = (np.arange(OUTLINE_POINTS) / OUTLINE_POINTS)[:, None]
+    sides = [start + steps * (end - start) for start, end in zip(ends, np.roll(ends, -1, axis=0), strict=True)]
+    return quad.points_m(np.concatenate(sides))
 
 
 def _side_px(camera: Camera, corners_xy: NDArray[np.float64], in_camera: NDArray[np.float64]) -> float:
@@ -291,6 +323,44 @@ def visible_fraction(posed: PosedCamera, solids: "Solids", number: int, corners:
     weights = area_weights(posed, points, corners)
     seen = _seen_points(posed, solids, number, points)
     return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
+
+
+def bent_visible_fraction(scene: Scene, posed: PosedCamera, number: int, mark: Mark) -> float:
+    """Return the share of the image area of a marker on bent paper, quad `number`, that is seen.
+
+    Sampled evenly over the print, on the panels that the paper is drawn as; area that faces away is hidden.
+    """
+    quad = scene.quads[number]
+    steps = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * mark.side_m
+    xy = np.stack(np.meshgrid(steps, steps), axis=2).reshape(-1, 2) + mark.center_m
+    points, normals = points_on_panels(quad, xy), quad.normals_at(xy)
+    step = 1e-4 * mark.side_m
+    along = [
+        (posed.project(quad.points_m(xy + d)) - posed.project(quad.points_m(xy - d))) for d in ([step, 0], [0, step])
+    ]
+    weights = np.nan_to_num(np.abs(along[0][:, 0] * along[1][:, 1] - along[0][:, 1] * along[1][:, 0]))
+    at_xy = posed.project(points)
+    inside = np.flatnonzero(posed.camera.contains(at_xy))
+    eyes = np.broadcast_to(posed.row_poses(at_xy[inside, 1])[:, :3, 3], (len(inside), 3))
+    rays = points[inside] - eyes
+    faces, reached = first_faces(solids_of(scene, quads=True), eyes, rays)
+    counts = panel_counts(scene.quads)
+    first = counts[:number].sum()
+    is_own = (faces >= first) & (faces < first + counts[number]) & (np.abs(reached - 1) < _SAME_POINT)
+    seen = inside[is_own & ((rays * normals[inside]).sum(axis=1) < 0)]
+    return float(weights[seen].sum() / total) if (total := weights.sum()) > 0 else 0.0
+
+
+def points_on_panels(quad: Quad, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (n, 3) world points of (n, 2) positions on a bent quad's print, as its panels show them."""
+    assert quad.bend is not None
+    panels, along = quad.panels_m, quad.bend.along
+    shares = (0.5 + xy_m / quad.size_m * [1, -1]).clip(0, 1)
+    at = shares[:, along] * len(panels)
+    number = np.minimum(at.astype(int), len(panels) - 1)
+    shares[:, along] = at - number
+    top_left, top_right, _, bottom_left = np.moveaxis(panels[number], 1, 0)
+    return np.asarray(top_left + shares[:, :1] * (top_right - top_left) + shares[:, 1:] * (bottom_left - top_left))
 
 
 def _grid(

@@ -11,7 +11,8 @@ _STEP = 1e-4
 _POINTS = 48
 """Corners of the regular polygon that stands for a circle."""
 _ANGLES = 2 * np.pi * np.arange(_POINTS) / _POINTS
-_CIRCLE = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / 2
+CIRCLE = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) / 2
+"""(k, 2) points of the inscribed circle, in sides right and down from the middle of a square."""
 # second moments per area of a regular polygon to those of its circle
 _SPREAD = (2 + np.cos(2 * np.pi / _POINTS)) / 3
 
@@ -25,17 +26,21 @@ def affinities(posed: PosedCamera, corners_m: NDArray[np.float64]) -> NDArray[np
     return np.stack(columns, axis=2)
 
 
-def ellipses(posed: PosedCamera, corners_m: NDArray[np.float64]) -> tuple[Ellipse, ...]:
-    """Return the image of the circle inscribed in each of (n, 4, 3) squares, nan where part of it is behind the camera.
-
-    Through a pinhole a circle's image is an ellipse; through a lens, or with a rolling shutter, this is the ellipse
-    of the same centroid and second moments.
-    """
+def rims_m(corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, k, 3) points on the circle inscribed in each of (n, 4, 3) squares."""
     x, y = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 3] - corners_m[:, 0]
-    rims = corners_m.mean(axis=1)[:, None] + _CIRCLE[:, :1] * x[:, None] + _CIRCLE[:, 1:] * y[:, None]
+    return np.asarray(corners_m.mean(axis=1)[:, None] + CIRCLE[:, :1] * x[:, None] + CIRCLE[:, 1:] * y[:, None])
+
+
+def ellipses(posed: PosedCamera, rims: NDArray[np.float64]) -> tuple[Ellipse, ...]:
+    """Return the image of each of n circles of (n, k, 3) points, nan where part of it is behind the camera.
+
+    Through a pinhole a circle's image is an ellipse; through a lens, with a rolling shutter, or on bent paper, this is
+    the ellipse of the same centroid and second moments.
+    """
     rims_xy = posed.project(rims.reshape(-1, 3)).reshape(-1, _POINTS, 2)
     seen = np.asarray(np.isfinite(rims_xy).all(axis=(1, 2)))
-    middles, half_axes, angles = _of_same_moments(np.where(seen[:, None, None], rims_xy, _CIRCLE))
+    middles, half_axes, angles = _of_same_moments(np.where(seen[:, None, None], rims_xy, CIRCLE))
     nowhere = Ellipse(np.full(2, np.nan), (np.nan, np.nan), np.nan)
     return tuple(
         Ellipse(middles[k], (float(half_axes[k, 1]), float(half_axes[k, 0])), float(angles[k])) if seen[k] else nowhere

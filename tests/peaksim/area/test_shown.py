@@ -55,7 +55,10 @@ def test_pixels_of_a_full_tile_have_lists_of_their_own_and_the_fullest_are_crowd
     found, counts = np.zeros((65, MOST_FACES + 1), np.int64), np.zeros(65, np.int64)
     alone = np.full(65, MIXED)
     groups = np.full(2000, -1)
-    list_in_pixels(numbers, groups, *NONE, positions(8, 8), 16, full, found, counts, alone, cells)
+    sides = np.zeros((1, 2000, 5, 3))
+    list_in_pixels(
+        numbers, groups, *NONE, positions(8, 8), positions(8, 8), sides, 16, full, found, counts, alone, cells
+    )
     assert np.array_equal(cells, np.arange(1, 65).reshape(8, 8))
     assert (alone[cells][:3] == CROWDED).all()
     assert (alone[cells][4:] == MIXED).all()
