@@ -20,6 +20,7 @@ from peaksim.geometry.pose import Pose, compose, look_at, rotation_about
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.image_file import read_image, read_image_8_bits
 from peaksim.scene import schema as schema
+from peaksim.scene.bend import Bend
 from peaksim.scene.lamps import WINDOW_RADIANCE, AreaLight, Environment
 from peaksim.scene.material import PRINT, Material, linear_from_srgb
 from peaksim.scene.scene import Light, Mark, Mesh, Quad
@@ -141,7 +142,13 @@ def build_quads(tables: tuple[schema.QuadTable, ...], textures: Mapping[str, Pap
         paper = _texture(textures, table.texture, f"quads[{i}].texture")
         texture = paper.cover_surface(table.size_m, f"quads[{i}].size_m")
         pose = quad_pose(table.normal, table.up, table.center_m, f"quads[{i}]")
-        yield Quad(table.name, texture, table.size_m, pose, material=paper.material)
+        bend = bend_of(table, table.size_m, f"quads[{i}]")
+        yield Quad(table.name, texture, table.size_m, pose, material=paper.material, bend=bend)
+
+
+def bend_of(table: schema.BentTable, size_m: tuple[float, float], field: str) -> Bend | None:
+    """Return how paper of this width and height is bent; None for flat."""
+    return None if table.bend_radius_m is None else Bend(table.bend_radius_m, table.bend_axis).checked(size_m, field)
 
 
 def _texture(textures: Mapping[str, Paper], name: str, field: str) -> Paper:
@@ -181,26 +188,33 @@ def marker_quads(
     paths: tuple[schema.MarkerPathTable, ...],
     room: schema.RoomTable | None,
     materials: Materials = PLAIN,
+    folder: Path | None = None,
 ) -> Iterator[Quad]:
-    """Yield every marker as a quad of white paper with the pattern in its middle."""
+    """Yield every marker as a quad of white paper with the pattern in its middle; `folder` has those that are files."""
     for i, table in enumerate(markers):
         field = f"markers[{i}]"
         pose = quad_pose(table.normal, table.up, table.center_m, field)
-        quad = _marker_quad(table.name, table, pose, field, material_of(table, materials, field))
+        quad = _marker_quad(table.name, table, pose, field, material_of(table, materials, field), folder)
+        quad = replace(quad, bend=bend_of(table, quad.size_m, field))
         yield check_inside(quad, room, f"{field}.center_m")
     for i, path in enumerate(paths):
         field = f"marker_paths[{i}]"
         material = material_of(path, materials, field)
         for j, pose in enumerate(path_poses(path)):
-            quad = _marker_quad(f"{path.name}{j + 1:02d}", path, pose, field, material)
+            quad = _marker_quad(f"{path.name}{j + 1:02d}", path, pose, field, material, folder)
             yield check_inside(quad, room, f"{field}.waypoints_m")
 
 
 def _marker_quad(
-    name: str, table: schema.MarkerTable | schema.MarkerPathTable, pose: Pose, field: str, material: Material
+    name: str,
+    table: schema.MarkerTable | schema.MarkerPathTable,
+    pose: Pose,
+    field: str,
+    material: Material,
+    folder: Path | None,
 ) -> Quad:
     """Return the quad of one marker; its border is rounded to whole texels of the pattern."""
-    pattern = marker_pattern(table.kind, f"{field}.kind")
+    pattern = marker_pattern(table.kind, f"{field}.kind", folder)
     texel_m = table.side_m / len(pattern)
     border = round(table.border_m / texel_m)
     side_m = (len(pattern) + 2 * border) * texel_m
@@ -211,15 +225,22 @@ def _marker_quad(
 @lru_cache(maxsize=64)
 def _tile(pattern: bytes, shape: tuple[int, ...], border: int) -> Texture:
     """Return a pattern with a white border of whole texels; equal markers share one texture."""
-    return Texture.from_array(np.pad(np.frombuffer(pattern, np.uint8).reshape(shape), border, constant_values=_WHITE))
+    edges = [(border, border), (border, border), (0, 0)][: len(shape)]
+    return Texture.from_array(np.pad(np.frombuffer(pattern, np.uint8).reshape(shape), edges, constant_values=_WHITE))
 
 
-def marker_pattern(kind: str, field: str) -> NDArray[np.uint8]:
-    """Return the (side, side) image of a shipped marker."""
+def marker_pattern(kind: str, field: str, folder: Path | None = None) -> NDArray[np.uint8]:
+    """Return the (side, side) image of a shipped marker, or of one's own: a square image in a folder, by its file."""
     known = _shipped_patterns()
-    if kind not in known:
-        raise SceneError(f"{field}: expected one of {', '.join(sorted(known))}, got {kind!r}")
-    return _shipped_pattern(known[kind])
+    if kind in known:
+        return _shipped_pattern(known[kind])
+    if folder is None or "." not in kind:
+        own = " or an image file" if folder is not None else ""
+        raise SceneError(f"{field}: expected one of {', '.join(sorted(known))}{own}, got {kind!r}")
+    pattern = _read_photo(shipped.file_inside(folder, kind, field), field)
+    if pattern.shape[0] != pattern.shape[1]:
+        raise SceneError(f"{field}: expected a square image, got {pattern.shape[1]}×{pattern.shape[0]} in {kind!r}")
+    return pattern
 
 
 @lru_cache(maxsize=1)
@@ -248,7 +269,7 @@ def path_poses(path: schema.MarkerPathTable) -> list[Pose]:
 def check_inside(quad: Quad, room: schema.RoomTable | None, field: str) -> Quad:
     """Return a quad with markers, refusing one outside the room."""
     if room is not None:
-        corners = quad.corners_m
+        corners = quad.panels_m.reshape(-1, 3)
         if not ((corners >= np.array(room.min_m) - 1e-9) & (corners <= np.array(room.max_m) + 1e-9)).all():
             center = ", ".join(f"{c:.3g}" for c in quad.world_from_quad[:3, 3])
             raise SceneError(
@@ -297,6 +318,26 @@ def _mesh(table: schema.BoxTable | schema.DeskTable, parts: list[tuple[Any, Any]
     )
     pose = compose(rotation_about("z", table.yaw_deg), table.center_m)
     return Mesh(table.name, np.array(solid.vertices), np.array(solid.faces), pose, (table.level,) * 3, material)
+
+
+def file_meshes(tables: tuple[schema.MeshTable, ...], folder: Path, materials: Materials = PLAIN) -> Iterator[Mesh]:
+    """Yield the meshes of `[[meshes]]`, from files in `folder` or below it, or else among the assets."""
+    for i, table in enumerate(tables):
+        field = f"meshes[{i}]"
+        file = shipped.file_beside(folder, table.file, f"{field}.file")
+        x, y, z = (rotation_about(axis, angle) for axis, angle in zip("xyz", table.rotation_deg, strict=True))
+        try:
+            yield Mesh.from_file(
+                file,
+                table.name,
+                scale=table.scale,
+                world_from_mesh=compose(z @ y @ x, table.center_m),
+                material=material_of(table, materials, field),
+                color=(table.level,) * 3,
+                up=table.up,
+            )
+        except InputError as error:
+            raise SceneError(f"{field}.file: {error}") from error
 
 
 # --- lights and camera ----------------------------------------------------------------------------------------

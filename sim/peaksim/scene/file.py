@@ -16,6 +16,7 @@ from peaksim.scene import build as scene_build
 from peaksim.scene import posters as scene_posters
 from peaksim.scene.scene import Scene
 from peaksim.scene.schema import SceneTable
+from peaksim.scene.sheet_file import sheet_quads
 from peaksim.toml_file import parse_toml, suggestion, validate
 
 
@@ -113,10 +114,14 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
         quads=(
             *scene_build.room_quads(table.room, textures),
             *scene_build.build_quads(table.quads, textures),
-            *scene_build.marker_quads(table.markers, table.marker_paths, table.room, materials),
-            *scene_posters.poster_quads(table.posters, table.room, materials),
+            *scene_build.marker_quads(table.markers, table.marker_paths, table.room, materials, folder),
+            *scene_posters.poster_quads(table.posters, table.room, materials, folder),
+            *sheet_quads(table.sheets, table.room, folder, materials),
         ),
-        meshes=scene_build.build_meshes(table.boxes, table.tables, materials),
+        meshes=(
+            *scene_build.build_meshes(table.boxes, table.tables, materials),
+            *scene_build.file_meshes(table.meshes, folder, materials),
+        ),
         lights=scene_build.build_lights(table.lights, folder),
         background=table.background,
     )

@@ -12,6 +12,7 @@ Point2 = tuple[Number, Number]
 Point3 = tuple[Number, Number, Number]
 GridRow = Annotated[str, Field(min_length=1, max_length=200)]
 Copies = Annotated[int, Field(ge=1, le=100)]
+Kind = Annotated[str, Field(min_length=1, max_length=200)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}$")]
 
 
@@ -117,8 +118,15 @@ class RoomTable(StrictTable):
         return self
 
 
-class QuadTable(StrictTable):
-    """`[[quads]]`: a flat rectangle with a texture on its printed face."""
+class BentTable(StrictTable):
+    """What paper of every kind may state: how it is bent."""
+
+    bend_radius_m: Number | None = None
+    bend_axis: Literal["x", "y"] = "y"
+
+
+class QuadTable(BentTable):
+    """`[[quads]]`: a rectangle with a texture on its printed face."""
 
     name: Name
     texture: str
@@ -128,11 +136,11 @@ class QuadTable(StrictTable):
     up: Point3
 
 
-class MarkerTable(StrictTable):
+class MarkerTable(BentTable):
     """`[[markers]]`: one printed marker on white paper."""
 
     name: Name
-    kind: Name
+    kind: Kind
     side_m: Positive
     border_m: NotNegative = 0.0
     center_m: Point3
@@ -145,7 +153,7 @@ class MarkerPathTable(StrictTable):
     """`[[marker_paths]]`: markers at equal steps along a smooth curve on the floor."""
 
     name: Name
-    kind: Name
+    kind: Kind
     count: Annotated[int, Field(ge=1, le=10_000)]
     side_m: Positive
     border_m: NotNegative = 0.0
@@ -154,14 +162,14 @@ class MarkerPathTable(StrictTable):
     material: Name | None = None
 
 
-class PosterTable(StrictTable):
+class PosterTable(BentTable):
     """`[[posters]]`: paper with a grid of markers of one size, hung once or several times side by side."""
 
     name: Name
     paper_m: tuple[Positive, Positive] = (0.210, 0.297)
     level: GreyLevel = 255.0
     rows: Annotated[tuple[GridRow, ...], Field(min_length=1, max_length=200)]
-    kinds: dict[Annotated[str, Field(min_length=1, max_length=1)], Name] = Field(
+    kinds: dict[Annotated[str, Field(min_length=1, max_length=1)], Kind] = Field(
         default_factory=lambda: {"D": "surf-dark", "L": "surf-light"}
     )
     side_m: Positive
@@ -186,6 +194,32 @@ class PosterTable(StrictTable):
         if not all(a <= b + 1e-9 for a, b in zip(used, self.paper_m, strict=True)):
             raise ValueError(f"expected paper_m of at least {used[0]:.4g}×{used[1]:.4g} m, got {self.paper_m}")
         return self
+
+
+class SheetTable(BentTable):
+    """`[[sheets]]`: a page that `peakmark marker` printed, from its result.json."""
+
+    name: Name
+    file: str
+    page: Annotated[int, Field(ge=1, le=10_000)] = 1
+    center_m: Point3
+    normal: Point3
+    up: Point3 = (0.0, 0.0, 1.0)
+    turn_deg: Number = 0.0
+    material: Name | None = None
+
+
+class MeshTable(StrictTable):
+    """`[[meshes]]`: a solid from a file, with its images and colours."""
+
+    name: Name
+    file: str
+    scale: Positive = 1.0
+    center_m: Point3 = (0.0, 0.0, 0.0)
+    rotation_deg: Point3 = (0.0, 0.0, 0.0)
+    up: Literal["y", "z"] | None = None
+    level: GreyLevel = 128.0
+    material: Name | None = None
 
 
 class BoxTable(StrictTable):
@@ -274,7 +308,9 @@ class SceneTable(StrictTable):
     markers: tuple[MarkerTable, ...] = ()
     marker_paths: tuple[MarkerPathTable, ...] = ()
     posters: tuple[PosterTable, ...] = ()
+    sheets: tuple[SheetTable, ...] = ()
     boxes: tuple[BoxTable, ...] = ()
     tables: tuple[DeskTable, ...] = ()
+    meshes: tuple[MeshTable, ...] = ()
     lights: tuple[AnyLightTable, ...] = ()
     materials: dict[Name, MaterialTable] = Field(default_factory=dict)

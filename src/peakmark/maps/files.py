@@ -138,8 +138,8 @@ def scene_map(scene: Scene) -> MarkerMap:
     if not marks:
         raise InputError("expected a scene with SURF markers, got none")
     row_of = {mark.name: row for row, (_, mark) in enumerate(marks)}
-    centers = [transform(quad.world_from_quad, np.array([*mark.center_m, 0.0])) for quad, mark in marks]
-    axes = [quad.world_from_quad[:3, :2] * _RIGHT_DOWN for quad, _ in marks]
+    centers = [quad.points_m([mark.center_m])[0] for quad, mark in marks]
+    axes = [quad.rotation_at(mark.center_m)[:, :2] * _RIGHT_DOWN for quad, mark in marks]
     arrays = printed_arrays(scene)
     return MarkerMap(
         np.array(centers),
