@@ -14,12 +14,14 @@ if TYPE_CHECKING:
     from peaksim.geometry.trajectory import Trajectory as Trajectory
     from peaksim.geometry.trajectory_file import load_trajectory as load_trajectory
     from peaksim.rendering import render as render
+    from peaksim.scene.bend import Bend as Bend
     from peaksim.scene.file import load_scene as load_scene
     from peaksim.scene.scene import Light as Light
     from peaksim.scene.scene import Mark as Mark
     from peaksim.scene.scene import Mesh as Mesh
     from peaksim.scene.scene import Quad as Quad
     from peaksim.scene.scene import Scene as Scene
+    from peaksim.scene.skin import Skin as Skin
     from peaksim.scene.texture import Texture as Texture
     from peaksim.truth.flow import optical_flow as optical_flow
 
@@ -32,8 +34,10 @@ __all__, __getattr__, __dir__ = lazy_names(
         "Trajectory": "peaksim.geometry.trajectory",
         "load_trajectory": "peaksim.geometry.trajectory_file",
         "render": "peaksim.rendering",
+        "Bend": "peaksim.scene.bend",
         "load_scene": "peaksim.scene.file",
         **dict.fromkeys(("Light", "Mark", "Mesh", "Quad", "Scene"), "peaksim.scene.scene"),
+        "Skin": "peaksim.scene.skin",
         "Texture": "peaksim.scene.texture",
         "optical_flow": "peaksim.truth.flow",
     },

@@ -14,7 +14,6 @@ def left_out(scene: Scene, camera: Camera, is_baked: bool = False) -> tuple[str,
         for name, is_there in (
             ("area lights", not is_baked and any(isinstance(light, AreaLight) for light in scene.lights)),
             ("light from the environment", not is_baked and len(skies) > 0),
-            ("the image of the environment", is_baked and any(sky.image is not None for sky in skies)),
             ("gloss", any(material.kind == "plastic" for material in materials)),
             ("depth of field", camera.thin_lens is not None),
         )

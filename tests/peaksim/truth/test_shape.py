@@ -8,7 +8,7 @@ from peaksim import Camera, Quad, Scene, Texture, render
 from peaksim.camera.shutter import still_camera
 from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.scene.scene import Mark, rectangle_m
-from peaksim.truth.shape import affinities, ellipses
+from peaksim.truth.shape import affinities, ellipses, rims_m
 
 CAMERA = Camera(width=320, height=240, fx=250.0, fy=250.0, cx=159.5, cy=119.5)
 LENS = Camera(320, 240, 250.0, 250.0, 159.5, 119.5, (-0.25, 0.05, 0.001, 0.0))
@@ -49,7 +49,7 @@ def test_the_rim_lies_on_the_ellipse(seed: int) -> None:
     angles = np.linspace(0, 2 * np.pi, 7)[:, None]
     across, down = (top_right - top_left) / 2, (bottom_left - top_left) / 2
     rim = corners[0].mean(axis=0) + np.cos(angles) * across + np.sin(angles) * down
-    ellipse = ellipses(posed, corners)[0]
+    ellipse = ellipses(posed, rims_m(corners))[0]
     angle = np.radians(ellipse.angle_deg)
     away = (posed.project(rim) - ellipse.center_xy) @ [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     assert np.allclose(np.hypot(*(away / ellipse.semi_axes_px).T), 1, atol=2e-3)
@@ -60,5 +60,5 @@ def test_the_rim_lies_on_the_ellipse(seed: int) -> None:
 def test_behind_the_camera_there_is_no_ellipse() -> None:
     corners, _ = corners_and_shot(1, CAMERA)
     away = still_camera(CAMERA, look_at([0, 0, 1], [0, 0, 2], up=(0, 1, 0)))
-    assert np.isnan(ellipses(away, corners)[0].center_xy).all()
+    assert np.isnan(ellipses(away, rims_m(corners))[0].center_xy).all()
     assert np.isnan(affinities(away, corners)).all()
