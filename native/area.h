@@ -26,6 +26,9 @@ enum { MAX_VERTICES = 24, MAX_PIECES = 64 };
 /* Edges that are integrated together: whole registers, however wide. */
 enum { LANES = 16 };
 
+/* Grey, or red, green and blue. */
+enum { MOST_CHANNELS = 3 };
+
 /* Faces closer than this share of their depth are in one plane: the later one is visible. */
 #define TIE 1e-9
 

@@ -69,7 +69,7 @@ EXPORT void light_owned_baked(const double *rays, int64_t rows, int64_t columns,
             end = run_end(owners + y * width, x, width);
             if (owner < 0) continue;
             const double *face = table + TABLE_COLUMNS * owner;
-            footprints(sides_of(views, y, owner), face, lattice, y, x, end - x, corners);
+            footprints(on_face(sides_of(views, y, owner), face), lattice, y, x, end - x, corners);
             const LightMap map = map_of((const FaceMaps *)maps + owner, texels, channels, face,
                                         (const Vector *)planes + 3 * owner, eyes + (poses > 1 ? 3 * y : 0));
             light_run(map, corners, end - x, light + first, out + first);

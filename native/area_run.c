@@ -28,51 +28,58 @@ static Steps run_steps(const Corners corners, int64_t n, double contrast) {
     return steps;
 }
 
+/* The upright edge at which the last textured run of a row ended, which the next run may begin with. */
+typedef struct {
+    int64_t x, owner, steps;
+    double integrals[MOST_CHANNELS];
+} LastEdge;
+
 /* Write the means of n pixels to every `channels`-th of `out`; `shared` holds the integrals of the upper edges if they
-   are known, and receives those of the lower ones. */
+   are known, and receives those of the lower ones; `last` holds that of the first upright edge if this run is joined to
+   another, and receives that of the last one. */
 static void integrate_run(Sums sums, const Corners corners, int64_t n, Steps steps, bool known, double *shared,
-                          float *out, int64_t channels) {
+                          bool is_joined, double *last, float *out, int64_t channels) {
     const double (*above)[CHUNK + 1] = corners[0], (*below)[CHUNK + 1] = corners[1];
     double upright[CHUNK + 1], lower[CHUNK], means[CHUNK];
-    upright[0] = edge_integral(sums, above[0][0], above[1][0], below[0][0], below[1][0], steps.down);
-    integrate_edges(sums, (Edges){above[0] + 1, above[1] + 1, below[0] + 1, below[1] + 1}, n, steps.down, upright + 1);
-    integrate_edges(sums, (Edges){below[0], below[1], below[0] + 1, below[1] + 1}, n, steps.across, lower);
-    if (!known) integrate_edges(sums, (Edges){above[0], above[1], above[0] + 1, above[1] + 1}, n, steps.across, shared);
+    /* the next row of pixels begins where this one ends; its texels are seldom in the cache */
+    const int64_t ahead =
+        (int64_t)(below[1][n / 2] - above[1][n / 2]) * sums.stride + (int64_t)(below[0][n / 2] - above[0][n / 2]);
+    upright[0] =
+        is_joined ? *last : edge_integral(sums, above[0][0], above[1][0], below[0][0], below[1][0], steps.down);
+    integrate_edges(sums, (Edges){above[0] + 1, above[1] + 1, below[0] + 1, below[1] + 1}, n, steps.down, ahead,
+                    upright + 1);
+    integrate_edges(sums, (Edges){below[0], below[1], below[0] + 1, below[1] + 1}, n, steps.across, 0, lower);
+    if (!known)
+        integrate_edges(sums, (Edges){above[0], above[1], above[0] + 1, above[1] + 1}, n, steps.across, 0, shared);
     for (int64_t k = 0; k < n; k++) {
         const double area = 0.5 * ((below[0][k + 1] - above[0][k]) * (below[1][k] - above[1][k + 1]) -
                                    (below[1][k + 1] - above[1][k]) * (below[0][k] - above[0][k + 1]));
         means[k] = (shared[k] + upright[k + 1] - lower[k] - upright[k]) / area;
         shared[k] = lower[k];
     }
+    *last = upright[n];
     if (steps.reach < POINT_TEXELS)
         for (int64_t k = 0; k < n; k++)
             means[k] = point_mean(sums, 0.5 * (above[0][k] + below[0][k + 1]), 0.5 * (above[1][k] + below[1][k + 1]));
     for (int64_t k = 0; k < n; k++) out[k * channels] = (float)means[k];
 }
 
-/* Replace a face's coordinates of the corners of n pixels by those of its texture. */
-static void map_corners(const double *face, Corners corners, int64_t n) {
-    const double end_u = face[EXTENT_U] + BORDER_TEXELS, end_v = face[EXTENT_V] + BORDER_TEXELS;
-    for (int row = 0; row < 2; row++) {
-        for (int64_t k = 0; k < n + 1; k++) {
-            map_to_texels(face, &corners[row][0][k], &corners[row][1][k]);
-            corners[row][0][k] = clamp(corners[row][0][k], -BORDER_TEXELS, end_u);
-            corners[row][1][k] = clamp(corners[row][1][k], -BORDER_TEXELS, end_v);
-        }
-    }
-}
-
-/* Write a textured run of n pixels. */
-static void fill_run(const double *face, const double *texels, const Corners corners, int64_t n, bool known,
-                     double *shared, int64_t width, float *out, int64_t channels) {
+/* Write a textured run of n pixels from x on. */
+static void fill_run(const double *face, int64_t owner, const double *texels, const Corners corners, int64_t x,
+                     int64_t n, bool known, double *shared, int64_t width, LastEdge *last, float *out,
+                     int64_t channels) {
     const Steps steps = run_steps(corners, n, face[CONTRAST]);
+    const bool is_joined = last->x == x && last->owner == owner && last->steps == steps.down;
     for (int64_t channel = 0; channel < channels; channel++) {
         if (channel == 0 || face[PLANE] > 0.0)
-            integrate_run(sums_of(texels, face, channel), corners, n, steps, known, shared + channel * width,
-                          out + channel, channels);
+            integrate_run(sums_of(texels, face, channel), corners, n, steps, known, shared + channel * width + x,
+                          is_joined, last->integrals + channel, out + channel, channels);
         else
             for (int64_t k = 0; k < n; k++) out[k * channels + channel] = out[k * channels];
     }
+    last->x = x + n;
+    last->owner = owner;
+    last->steps = steps.down;
 }
 
 /* Write a run of n pixels of one level for each channel, or of the background's. */
@@ -113,7 +120,7 @@ static int64_t known_end(const int64_t *owners, const int64_t *previous, int64_t
 /* Write a run of pixels from x on in row y, of one owner; return whether `shared` holds its lower edges. */
 static bool write_run(Views views, Rays rays, const bool *printed, const FaceRow *table, const double *texels,
                       const double *background, int64_t owner, int64_t y, int64_t x, int64_t n, bool known,
-                      double *shared, float *pixels, int64_t channels) {
+                      double *shared, LastEdge *last, float *pixels, int64_t channels) {
     if (owner < 0 || !printed[(views.poses > 1 ? y : 0) * views.faces + owner]) {
         if (owner >= 0 && table[owner][IS_SLOPED] > 0.0)
             fill_sloped(sides_of(views, y, owner), table[owner], rays, y, x, n, pixels, channels);
@@ -122,31 +129,31 @@ static bool write_run(Views views, Rays rays, const bool *printed, const FaceRow
         return false;
     }
     Corners corners;
-    footprints(sides_of(views, y, owner), table[owner], rays, y, x, n, corners);
-    map_corners(table[owner], corners, n);
-    fill_run(table[owner], texels, corners, n, known, shared + x, rays.columns - 1, pixels, channels);
+    footprints(on_texture(sides_of(views, y, owner), table[owner]), rays, y, x, n, corners);
+    fill_run(table[owner], owner, texels, corners, x, n, known, shared, rays.columns - 1, last, pixels, channels);
     return true;
 }
 
 /* Write all pixels of a band that have an owner; the others become 0.
-  
- * Memory: `shared`, and `previous`, initially −1: whose lower edges `shared` holds. */
+
+   Memory: `shared`, and `previous`, initially −1: whose lower edges `shared` holds. */
 EXPORT void fill_owned(const double *rays, int64_t rows, int64_t columns, const double *sides, int64_t poses,
                        int64_t faces, const bool *printed, const double *table, const double *texels, int64_t n_texels,
-                       const int64_t *owners, int64_t height, int64_t width, const double *background,
-                       int64_t channels, double *shared, int64_t *previous, float *out) {
+                       const int64_t *owners, int64_t height, int64_t width, const double *background, int64_t channels,
+                       double *shared, int64_t *previous, float *out) {
     const Rays corners = rays_of(rays, rows, columns);
     const Views views = {(const FaceSides *)sides, poses, faces};
     (void)n_texels;
     for (int64_t y = 0; y < height; y++) {
         const int64_t *row = owners + y * width;
+        LastEdge last = {-1, NOTHING, 0, {0.0}};
         for (int64_t x = 0, end; x < width; x = end) {
             const bool known = poses == 1 && previous[x] == row[x];
             end = run_end(row, x, width);
             if (poses == 1) end = known_end(row, previous, x, end);
             const int64_t first = (y * width + x) * channels;
             const bool shares = write_run(views, corners, printed, (const FaceRow *)table, texels, background + first,
-                                          row[x], y, x, end - x, known, shared, out + first, channels);
+                                          row[x], y, x, end - x, known, shared, &last, out + first, channels);
             for (int64_t k = x; k < end; k++) previous[k] = shares ? row[x] : -1;
         }
     }

@@ -157,9 +157,9 @@ static int64_t number_at(Shown shown, double row, double column) {
 /* List the parts of `count` CROWDED pixels, and add background where none is shown; return their number. */
 EXPORT int64_t cut_crowded(const double *rays, int64_t corner_rows, int64_t corner_columns, const double *sides,
                            int64_t poses, int64_t faces, const uint32_t *numbers, int64_t rows, int64_t columns,
-                           const double *positions, const int64_t *pixels, int64_t count,
-                           const double *background, int64_t height, int64_t width, int64_t channels, double *polygons,
-                           int64_t n, int64_t *pieces, double *shares, float *out) {
+                           const double *positions, const int64_t *pixels, int64_t count, const double *background,
+                           int64_t height, int64_t width, int64_t channels, double *polygons, int64_t n,
+                           int64_t *pieces, double *shares, float *out) {
     const Rays corners = rays_of(rays, corner_rows, corner_columns),
                samples = rays_of(positions, corner_rows, corner_columns);
     const Shown shown = {numbers, rows, columns, 0};

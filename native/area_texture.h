@@ -55,25 +55,32 @@ static inline double4 sum_rows(const double *columns, int64_t stride, const Spli
     return v->before[e] * load4(row) + v->middle[e] * load4(row + stride) + v->behind[e] * load4(row + 2 * stride);
 }
 
-/* Add ∫ P dv from one set of rows to another at the columns of the first `count` edges. */
+/* Ask for three rows that will be needed soon. */
+static inline void prefetch_rows(const double *row, int64_t stride) {
+    for (int k = 0; k < 3; k++) __builtin_prefetch(row + k * stride);
+}
+
+/* Add ∫ P dv from one set of rows to another at the columns of the first `count` edges; ask for what lies `ahead`. */
 static inline void add_step(Sums sums, const Splines *u, const Splines *from, const Splines *to, int64_t count,
-                            double4 *totals) {
+                            int64_t ahead, double4 *totals) {
     for (int64_t e = 0; e < count; e++) {
         const double *columns = sums.texels + u->first[e];
         const double4 weights = {u->before[e], u->middle[e], u->behind[e], 0.0}; /* texels are read by fours */
+        if (ahead) prefetch_rows(columns + to->first[e] * sums.stride + ahead, sums.stride);
         totals[e] += weights * (sum_rows(columns, sums.stride, to, e) - sum_rows(columns, sums.stride, from, e));
     }
 }
 
-/* Write ∫ P dv along the first `count` edges, each in as many steps, up to terms that cancel in a loop. */
-static inline void integrate_edges(Sums sums, Edges edges, int64_t count, int64_t steps, double *out) {
+/* Write ∫ P dv along the first `count` edges, each in as many steps, up to terms that cancel in a loop; `ahead` is from
+   these edges to those that are integrated later, in the table, or 0. */
+static inline void integrate_edges(Sums sums, Edges edges, int64_t count, int64_t steps, int64_t ahead, double *out) {
     Splines u, rows[2];
     double4 totals[LANES] = {{0.0}};
     spline_at(edges.v0, edges.v1, 0.0, &rows[0]);
     for (int64_t k = 0; k < steps; k++) {
         spline_at(edges.u0, edges.u1, ((double)k + 0.5) / (double)steps, &u);
         spline_at(edges.v0, edges.v1, (double)(k + 1) / (double)steps, &rows[(k + 1) % 2]);
-        add_step(sums, &u, &rows[k % 2], &rows[(k + 1) % 2], count, totals);
+        add_step(sums, &u, &rows[k % 2], &rows[(k + 1) % 2], count, ahead, totals);
     }
     for (int64_t e = 0; e < count; e++) out[e] = sum4(totals[e]);
 }
