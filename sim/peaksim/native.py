@@ -51,6 +51,13 @@ def _library() -> ctypes.CDLL:
     return open_library(library_folder())
 
 
+def address_of(array: NDArray[Any]) -> int:
+    """Return where an array's numbers lie: `array.ctypes.data`, which takes ten times as long."""
+    if array.size and array.flags.writeable:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))
+    return array.ctypes.data
+
+
 class Parameter:
     """One parameter of a kernel, from its declaration."""
 
@@ -61,15 +68,23 @@ class Parameter:
         self.is_read, self.name = match[1] is not None, match[5]
         self.ctype, self.c_name = _TYPES[match[2]]
         self.lengths = match[3].split(",") if match[3] else []
+        self.slots: list[int] = []
         self.may_be_none = match[4] is not None
         self.dtype = np.dtype(match[2])
 
+    def number_lengths(self, names: list[str]) -> None:
+        """Find the lengths' places among those of a kernel, and add names that are new."""
+        names += [name for name in dict.fromkeys(self.lengths) if name not in names]
+        self.slots = [names.index(name) for name in self.lengths]
+
     def as_array(self, value: Any) -> NDArray[Any]:
         """Return the array that C is given: the value itself, or of a read one a copy of the declared type."""
-        if isinstance(value, np.ndarray) and value.dtype == self.dtype and value.flags.c_contiguous:
-            if not self.is_read and not value.flags.writeable:
+        if isinstance(value, np.ndarray) and value.dtype == self.dtype:
+            flags = value.flags
+            if flags.c_contiguous and (self.is_read or flags.writeable):
+                return value
+            if flags.c_contiguous:
                 raise TypeError(f"{self.name}: expected an array that can be written")
-            return value
         if not self.is_read or not np.can_cast(np.asarray(value).dtype, self.dtype):
             raise TypeError(
                 f"{self.name}: expected contiguous {self.dtype}, got {getattr(value, 'dtype', type(value))}"
@@ -82,21 +97,19 @@ class Parameter:
             return bool(value)
         return float(value) if self.c_name in ("float", "double") else value.__index__()
 
-    def fix_lengths(self, shape: tuple[int, ...], known: dict[str, int]) -> list[int]:
-        """Compare a shape with the lengths that are known; add those that are not, and return them."""
+    def fix_lengths(self, shape: tuple[int, ...], known: list[int], passed: list[Any]) -> None:
+        """Compare a shape with the lengths that are known; pass on those that are not."""
         if len(shape) != len(self.lengths):
             raise TypeError(f"{self.name}: expected {len(self.lengths)} axes, got shape {shape}")
-        added = []
-        for name, length in zip(self.lengths, shape, strict=True):
-            expected = int(name) if name.isdigit() else known.get(name)
-            if expected is None:
-                known[name] = length
-                added.append(length)
-            elif expected != length:
+        for slot, length in zip(self.slots, shape, strict=True):
+            if slot == len(known):
+                known.append(length)
+                passed.append(length)
+            elif known[slot] != length:
+                name = self.lengths[self.slots.index(slot)]
                 raise TypeError(
-                    f"{self.name}: expected shape ({', '.join(self.lengths)}) with {name} = {expected}, got {shape}"
+                    f"{self.name}: expected shape ({', '.join(self.lengths)}) with {name} = {known[slot]}, got {shape}"
                 )
-        return added
 
 
 class Function:
@@ -108,6 +121,10 @@ class Function:
             raise ValueError(f"a kernel: expected `type name(parameters)`, got {declaration!r}")
         self.result, self.name = match[1], match[2]
         self.parameters = [Parameter(text) for text in match[3].split(", ") if text]
+        names = sorted({name for parameter in self.parameters for name in parameter.lengths if name.isdigit()})
+        self._numbers = [int(name) for name in names]
+        for parameter in self.parameters:
+            parameter.number_lengths(names)
         self._call: Callable[..., Any] | None = None
 
     def __call__(self, *values: Any) -> Any:
@@ -115,18 +132,19 @@ class Function:
         call = self._call or self._load()
         passed: list[Any] = []
         alive: list[NDArray[Any]] = []
-        known: dict[str, int] = {}
+        known = self._numbers.copy()
         for parameter, value in zip(self.parameters, values, strict=True):
             if not parameter.lengths:
                 passed.append(parameter.as_number(value))
             elif value is None and parameter.may_be_none:
-                shape = tuple(known.get(name, 0) for name in parameter.lengths)
-                passed += [None, *parameter.fix_lengths(shape, known)]
+                passed.append(None)
+                shape = tuple(known[slot] if slot < len(known) else 0 for slot in parameter.slots)
+                parameter.fix_lengths(shape, known, passed)
             else:
                 array = parameter.as_array(value)
                 alive.append(array)
-                passed.append(array.ctypes.data)
-                passed += parameter.fix_lengths(array.shape, known)
+                passed.append(address_of(array))
+                parameter.fix_lengths(array.shape, known, passed)
         result = call(*passed)
         if self.result == "status" and result:
             kind, reason = _FAILURES[result]
