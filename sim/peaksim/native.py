@@ -54,7 +54,7 @@ def _library() -> ctypes.CDLL:
 def address_of(array: NDArray[Any]) -> int:
     """Return where an array's numbers lie: `array.ctypes.data`, which takes ten times as long."""
     if array.size and array.flags.writeable:
-        return ctypes.addressof(ctypes.c_char.from_buffer(array))
+        return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
     return array.ctypes.data
 
 
