@@ -152,6 +152,7 @@ def draw_levels(
         reason = traced.fault()
         if reason is None:
             needs = left_out(scene, posed.camera, is_baked=True)
+            traced.check_lights(scene, posed.pose[:3, 3])
             scene, maps = _baked(scene)
         else:
             why = f", which {reason}"

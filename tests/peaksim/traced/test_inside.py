@@ -32,6 +32,12 @@ def test_a_light_inside_a_mesh_is_refused_in_one_line(light: Light | AreaLight) 
 
 
 @needs_tracing
+def test_a_lamp_inside_a_mesh_is_not_baked_either() -> None:
+    with pytest.raises(SceneError, match=r"^lights\[0\]: expected a light outside of mesh 'cube', got one inside it$"):
+        render(Scene((), (cube(1.0),), (LIGHTS[1],)), CAMERA, OUTSIDE, "exact")
+
+
+@needs_tracing
 @pytest.mark.parametrize("light", LIGHTS, ids=["point", "area"])
 def test_from_within_the_mesh_it_lights(light: Light | AreaLight) -> None:
     assert render(Scene((), (cube(1.0),), (light,)), CAMERA, INSIDE, "traced").linear.min() > 0
