@@ -10,12 +10,12 @@ from statistics import median
 from time import perf_counter
 
 import numpy as np
-import plain_gl
 from baseline import Ratios, compare
 from peaksim import Scene, load_scene
 from peaksim.area.integrate import integrate
 from peaksim.camera.camera import Camera, resized
 from peaksim.gl import integrate as render_gl
+from peaksim.gl import textured
 from rich.console import Console
 from rich.table import Table
 
@@ -30,7 +30,7 @@ def works_of(scene: Scene, camera: Camera, pose: np.ndarray) -> dict[str, Work]:
     return {
         "exact": lambda: integrate(scene, camera, pose[None]),
         "gl": lambda: render_gl.integrate(scene, camera, pose),
-        RIVAL: lambda: plain_gl.draw(scene, camera, pose),
+        RIVAL: lambda: textured.draw(scene, camera, pose, 16),
     }
 
 

@@ -1,18 +1,24 @@
-"""Fidelity of both renderers from random poses, against the brute-force integral of the tests: rms, p99.9, seconds.
+"""Fidelity of the renderers from random poses, against the brute-force integral of the tests: rms, p99.9, seconds.
 
 `PYTHONPATH=. python benchmarks/fidelity_render.py --first 100 --count 30` prints one row a view.
 """
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from time import perf_counter
 
 import numpy as np
 from peaksim.area.integrate import integrate
 from peaksim.gl import integrate as render_gl
+from peaksim.gl import textured
 
 from tests.peaksim.area.area_reference import area_integral
 from tests.peaksim.views import LENSES, random_view, through
+
+PLAIN = 16, 64
+"""Samples a pixel of the pyrender renderer."""
+NAMES = "exact", "gl", *(f"pyrender {n}" for n in PLAIN)
 
 
 def figures(draw: Callable[[], np.ndarray], reference: np.ndarray) -> tuple[float, float, float]:
@@ -39,13 +45,11 @@ def main() -> None:
         reference = area_integral(view.scene, view.camera, view.pose, arguments.samples)
         exact = figures(lambda v=view: integrate(v.scene, v.camera, v.pose[None]), reference)
         gl = figures(lambda v=view: render_gl.integrate(v.scene, v.camera, v.pose), reference)
-        rows.append([*exact, *gl])
-        print(
-            f"{view.name:65s} exact {exact[0]:.2f} {exact[1]:.1f} {exact[2]:.3f}  "
-            f"gl {gl[0]:.2f} {gl[1]:.1f} {gl[2]:.3f}",
-            flush=True,
-        )
-    for name, table in (("exact", np.array(rows)[:, :3]), ("gl", np.array(rows)[:, 3:])):
+        plain = [figures(partial(textured.draw, view.scene, view.camera, view.pose, n), reference) for n in PLAIN]
+        rows.append([exact, gl, *plain])
+        columns = "  ".join(f"{name} {a:.2f} {b:.1f} {c:.3f}" for name, (a, b, c) in zip(NAMES, rows[-1], strict=True))
+        print(f"{view.name:65s} {columns}", flush=True)
+    for name, table in zip(NAMES, np.array(rows).swapaxes(0, 1), strict=True):
         good = ((table[:, 0] < 0.5) & (table[:, 1] < 3)).sum()
         print(
             f"{name}: {good} of {len(table)} within rms 0.5 and p99.9 3; median rms {np.median(table[:, 0]):.2f}, "

@@ -1,4 +1,4 @@
-"""render: one call, three renderers; image and truth come from the same posed camera."""
+"""render: one call, four renderers; image and truth come from the same posed camera."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,6 +19,7 @@ from peaksim.camera.shutter import PosedCamera, still_camera
 from peaksim.errors import SceneError
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.gl import integrate as render_gl
+from peaksim.gl import textured
 from peaksim.gl.context import why_not
 from peaksim.notices import notice_once
 from peaksim.scene.detail import suited_to
@@ -27,8 +28,8 @@ from peaksim.scene.scene import Scene
 from peaksim.truth.markers import marker_truth
 from peaksim.truth.surfaces import surfaces, surfaces_at
 
-Renderer = Literal["auto", "exact", "gl", "traced"]
-DrawnBy = Literal["exact", "gl", "traced"]
+Renderer = Literal["auto", "exact", "gl", "pyrender", "traced"]
+DrawnBy = Literal["exact", "gl", "pyrender", "traced"]
 
 MOST_MOMENTS = 256
 """Most sharp images that a motion blur is averaged from."""
@@ -60,11 +61,14 @@ def render(
         (`row_time_s`) and each over some time (`exposure_s`).
     renderer
         "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and GL
-        can draw this; "traced" follows light over area lamps, sky, gloss and lens with Mitsuba 3, and is noisy.
+        can draw this; "pyrender" leaves textures to OpenGL too, unlit; "traced" follows light over area lamps, sky,
+        gloss and lens with Mitsuba 3, and is noisy.
     time_s
         Mid-exposure of the middle row on the trajectory; kept in the frame.
-    samples, seed, max_depth
-        Of "traced": paths a pixel, the seed of their noise (a number or several), and the longest path in steps.
+    samples
+        Of "traced" and "pyrender": paths, or samples, a pixel ("pyrender" draws n × n of them, at least so many).
+    seed, max_depth
+        Of "traced": the seed of its noise (a number or several), and the longest path in steps.
     bake
         Whether "exact" and "gl" show the light of lamps and sky, path-traced once a scene and kept on disk; where it
         cannot be, or is not wanted, that light is left out.
@@ -78,12 +82,12 @@ def render(
     """
     posed = _posed_camera(camera, world_from_camera, time_s)
     if renderer not in get_args(Renderer):
-        raise SceneError(f'renderer: expected "auto", "exact", "gl" or "traced", got {renderer!r}')
+        raise SceneError(f'renderer: expected "auto", "exact", "gl", "pyrender" or "traced", got {renderer!r}')
     chosen = choose_renderer(posed, renderer)
     if chosen == "traced":
         linear, gl_renderer = traced.integrate(scene, posed, samples, seed, max_depth), None
     else:
-        linear, gl_renderer = draw_levels(scene, posed, chosen, bake)
+        linear, gl_renderer = draw_levels(scene, posed, chosen, bake, samples)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
         image=quantise(linear),
@@ -108,7 +112,7 @@ def _preview(
     small = still_camera(replace(camera, exposure_s=0.0, row_time_s=0.0), posed.trajectory.at(time_s))
     if renderer == "traced":
         return traced.integrate(scene, small, _PREVIEW_SAMPLES, 0, max_depth)
-    return draw_levels(scene, small, renderer, bake)[0]
+    return draw_levels(scene, small, renderer, bake, _PREVIEW_SAMPLES)[0]
 
 
 def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> PosedCamera:
@@ -125,14 +129,14 @@ def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:
     Raises
     ------
     SceneError
-        If "gl" is requested for what only "exact" draws: a rolling shutter.
+        If "gl" or "pyrender" is requested for a rolling shutter, which only "exact" and "traced" draw.
     """
     if renderer in ("exact", "traced"):
         return renderer
-    if renderer == "gl":
+    if renderer in ("gl", "pyrender"):
         if posed.is_rolling:
-            raise SceneError('renderer: expected "exact" or "auto" for a rolling shutter, got "gl"')
-        return "gl"
+            raise SceneError(f'renderer: expected "exact" or "auto" for a rolling shutter, got "{renderer}"')
+        return renderer
     if posed.is_rolling:
         return "exact"
     reason = why_not()
@@ -143,12 +147,20 @@ def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:
 
 
 def draw_levels(
-    scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"], bake: bool = True
+    scene: Scene,
+    posed: PosedCamera,
+    renderer: Literal["exact", "gl", "pyrender"],
+    bake: bool = True,
+    samples: int = traced.SAMPLES,
 ) -> tuple[NDArray[np.float32], str | None]:
     """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
-    needs, why = left_out(scene, posed.camera), ""
+    needs, why = left_out(scene, posed.camera, is_unlit=renderer == "pyrender"), ""
     maps = None
-    if bake and is_bakeable(scene):
+    if renderer == "pyrender":
+        traced.check(samples, 0)
+        if samples > textured.MOST_SAMPLES:
+            raise SceneError(f'samples: expected at most {textured.MOST_SAMPLES} for "pyrender", got {samples}')
+    elif bake and is_bakeable(scene):
         reason = traced.fault()
         if reason is None:
             needs = left_out(scene, posed.camera, is_baked=True)
@@ -161,7 +173,7 @@ def draw_levels(
     moments = posed.moments(count_moments(scene, posed)) if posed.is_blurred else (posed,)
     if maps is None:
         scene = suited_to(scene, posed)
-    images = (_draw_sharp(scene, moment, renderer, maps) for moment in moments)
+    images = (_draw_sharp(scene, moment, renderer, maps, samples) for moment in moments)
     linear = next(images) / np.float32(len(moments)) if len(moments) > 1 else next(images)
     for image in images:
         linear += image / np.float32(len(moments))
@@ -184,11 +196,13 @@ def _baked(scene: Scene) -> tuple[Scene, LightMaps]:
 
 
 def _draw_sharp(
-    scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl"], maps: LightMaps | None
+    scene: Scene, posed: PosedCamera, renderer: Literal["exact", "gl", "pyrender"], maps: LightMaps | None, samples: int
 ) -> NDArray[np.float32]:
     if renderer == "exact":
         return integrate(scene, posed.camera, posed.row_poses(np.arange(posed.camera.height)), maps)
 
+    if renderer == "pyrender":
+        return textured.draw(scene, posed.camera, posed.pose, samples)
     return render_gl.integrate(scene, posed.camera, posed.pose, maps)
 
 

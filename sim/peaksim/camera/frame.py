@@ -18,6 +18,8 @@ TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
 
 def error_budget(renderer: str) -> str:
     """Return the line of a report that states the error that a renderer's textures may have."""
+    if renderer == "pyrender":
+        return "Textures are OpenGL's, with mip levels: several grey levels rms on slanted ones, see the README"
     if renderer == "traced":
         return "Pixels carry the noise of path tracing, which falls with the square root of the samples"
     return f"Texture error budget: {TEXTURE_ERROR_RMS[renderer]} grey levels rms"
@@ -91,7 +93,7 @@ class Frame:
     truth: tuple[MarkerTruth, ...]
     """One record a marker of the scene, in the scene's order, in view or not."""
     renderer: str
-    """"exact", "gl" or "traced": which renderer drew it."""
+    """"exact", "gl", "pyrender" or "traced": which renderer drew it."""
     gl_renderer: str | None
     """OpenGL's renderer string, None without GL."""
     surfaces: "Callable[[], Surfaces]"

@@ -326,7 +326,7 @@ class CorpusSpec(StrictTable):
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     sequence_frames: Annotated[int, Field(ge=1, le=MOST_FRAMES)] = 50
     frames_per_second: Positive = 10.0
-    renderer: Literal["auto", "gl", "exact", "traced"] = "auto"
+    renderer: Literal["auto", "gl", "exact", "pyrender", "traced"] = "auto"
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES)] | None = None
     bake: bool | None = None
     pictures: PictureTable = PictureTable()

@@ -1,4 +1,4 @@
-"""OpenGL by pyrender on EGL or OSMesa: one long-lived renderer, which draws the numbers of faces.
+"""OpenGL by pyrender on EGL or OSMesa: one long-lived renderer, which draws the numbers of faces, or their textures.
 
 No other module imports pyrender.
 """
@@ -7,6 +7,7 @@ import atexit
 import ctypes
 import os
 import sys
+from collections.abc import Callable
 from functools import cache, lru_cache
 from importlib import import_module
 from itertools import count
@@ -71,31 +72,60 @@ def draw_numbers(
     SceneError
         If there are too many faces to number.
     """
-    pyrender = _pyrender()
+    levels = _draw(lambda: _drawn(scene), world_from_camera, window, depths_m)
+    return np.ascontiguousarray(levels).view("<u4")[:, :, 0]
+
+
+def draw_textured(
+    drawn: Any, world_from_camera: Pose, window: Window, depths_m: tuple[float, float]
+) -> NDArray[np.uint8]:
+    """Return the (r, c, 4) colours that a window shows of a scene of pyrender's.
+
+    Raises
+    ------
+    RendererError
+        If OpenGL fails.
+    """
+    return _draw(lambda: drawn, world_from_camera, window, depths_m, is_mirrored=False)
+
+
+def _draw(
+    drawn: Callable[[], Any],
+    world_from_camera: Pose,
+    window: Window,
+    depths_m: tuple[float, float],
+    is_mirrored: bool = True,
+) -> NDArray[np.uint8]:
+    """Return the (r, c, 4) colours that a window shows, drawn upside down where that saves a copy.
+
+    Upside down, faces that are seen from one side only are seen from the wrong one.
+    """
+    pyrender = load_pyrender()
     try:
-        renderer, drawn = open_context()[0], _drawn(scene)
+        renderer, scene = open_context()[0], drawn()
         renderer.viewport_width, renderer.viewport_height = window.columns, window.rows
         (fx, _, cx), (_, fy, cy), _ = window.samples_from_window
-        # upside down, for OpenGL begins with the lowest row
-        lens = pyrender.IntrinsicsCamera(fx, -fy, cx, window.rows - cy, znear=depths_m[0], zfar=depths_m[1])
+        # OpenGL begins with the lowest row
+        vertical = (-fy, window.rows - cy) if is_mirrored else (fy, cy)
+        lens = pyrender.IntrinsicsCamera(fx, vertical[0], cx, vertical[1], znear=depths_m[0], zfar=depths_m[1])
         pose = world_from_camera.copy()
         pose[:3, :3] = world_from_camera[:3, :3] @ window.camera_from_window @ np.diag([1.0, -1.0, -1.0])
-        node = drawn.add(lens, pose=pose)
+        node = scene.add(lens, pose=pose)
         try:
-            numbers, _ = renderer.render(drawn, flags=pyrender.RenderFlags.FLAT)
+            levels, _ = renderer.render(scene, flags=pyrender.RenderFlags.FLAT)
         finally:
-            drawn.remove_node(node)
+            scene.remove_node(node)
         if os.environ["PYOPENGL_PLATFORM"] == "osmesa" and next(_drawings) % _DRAWINGS_OF_OSMESA == 0:
             _close_context()
     except _FAILURES as error:
         raise RendererError(f"OpenGL failed while drawing: {type(error).__name__} {error}") from error
-    return np.asarray(numbers)
+    return np.asarray(levels if is_mirrored else levels[::-1])
 
 
 @lru_cache(maxsize=1)
 def _drawn(scene: Scene) -> Any:
     """Return the scene for pyrender: one mesh with numbers for colours, so that the order of drawing never varies."""
-    pyrender = _pyrender()
+    pyrender = load_pyrender()
     squares = panels_m(scene.quads)
     triangles = triangles_m(scene.meshes)
     total = len(squares) + len(triangles)
@@ -117,7 +147,7 @@ def _drawn(scene: Scene) -> Any:
 
 def _numbered(corners: NDArray[np.float64], numbers: NDArray[np.int64], mode: int) -> Any:
     """Return (n, k, 3) corners as lines or triangles, each in the colour of its number, seen from both sides."""
-    pyrender = _pyrender()
+    pyrender = load_pyrender()
     colours = np.ones((*corners.shape[:2], 4), np.float32)
     colours[:, :, :3] = (numbers[:, None, None] >> np.array([0, 8, 16]) & 255) / 255
     material = pyrender.MetallicRoughnessMaterial(baseColorFactor=[1.0] * 4, doubleSided=True)
@@ -130,7 +160,7 @@ def open_context() -> tuple[Any, str]:
     """Return the one pyrender renderer, opened on first use (EGL, else OSMesa), and OpenGL's renderer string."""
     try:
         os.environ.setdefault("PYOPENGL_PLATFORM", "egl" if _loads("libEGL.so.1") else "osmesa")
-        pyrender = _pyrender()
+        pyrender = load_pyrender()
         from OpenGL.GL import GL_RENDERER, glGetString
 
         _multisample_off()
@@ -143,12 +173,12 @@ def open_context() -> tuple[Any, str]:
         missing = how_to_install(error) if isinstance(error, ModuleNotFoundError) else None
         reason = missing or f"{type(error).__name__} {error}"
         raise RendererError(f"no OpenGL context opens: {reason}") from error
-    renderer._renderer._read_main_framebuffer = _read_numbers
+    renderer._renderer._read_main_framebuffer = _read_colours
     return renderer, name
 
 
 @cache
-def _pyrender() -> Any:
+def load_pyrender() -> Any:
     """Import pyrender without its viewer, whose window toolkit needs X libraries that machines without a screen lack.
 
     Who asks for `pyrender.Viewer` afterwards gets it all the same, where those libraries are.
@@ -205,7 +235,7 @@ def _multisample_off() -> None:
     renderer.glRenderbufferStorageMultisample = lambda target, _, *size: storage(target, 0, *size)
 
 
-def _read_numbers(scene: Any, flags: int) -> tuple[NDArray[np.uint32], None]:
+def _read_colours(scene: Any, flags: int) -> tuple[NDArray[np.uint8], None]:
     """Read the colours alone, as they lie in memory: pyrender itself also reads depth, and converts."""
     from OpenGL import GL
 
@@ -215,4 +245,4 @@ def _read_numbers(scene: Any, flags: int) -> tuple[NDArray[np.uint32], None]:
     GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 4)
     levels = np.empty((height, width, 4), np.uint8)
     GL.glReadPixels(0, 0, width, height, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, levels)
-    return levels.view("<u4")[:, :, 0], None
+    return levels, None

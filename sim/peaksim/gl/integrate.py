@@ -35,7 +35,7 @@ from peaksim.area.sky import sky_levels
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose
 from peaksim.gl.context import draw_numbers, gl_renderer, is_available
-from peaksim.gl.tiles import split_into_tiles, window_of
+from peaksim.gl.tiles import split_into_tiles, window_of, window_positions
 from peaksim.scene.scene import Quad, Scene
 
 __all__ = ["gl_renderer", "integrate", "is_available"]
@@ -151,12 +151,6 @@ def draw_tile(packed: PackedScene, views: FaceViews, rays: Rays, shown: Shown, o
             draw_crowded(packed, views, corners, positions, shown.numbers, pixels, out[rows])
 
     run_in_threads(band, range(0, len(out), BAND_ROWS))
-
-
-def window_positions(rays: Rays, samples_from_camera: NDArray[np.float64]) -> Rays:
-    """Return (…, 3) (column, row, 1) of directions in a window."""
-    positions = rays @ samples_from_camera.T
-    return np.asarray(positions / positions[:, :, 2:])
 
 
 def cells_shown(views: FaceViews, rays: Rays, positions: Rays, shown: Shown) -> Cells:

@@ -48,26 +48,28 @@ class Window(NamedTuple):
         return self.samples_from_window @ self.camera_from_window.T
 
 
-def split_into_tiles(camera: Camera) -> Iterator[ImageTile]:
-    """Yield tiles that cover the image."""
+def split_into_tiles(camera: Camera, longest_px: int = LONGEST_PX) -> Iterator[ImageTile]:
+    """Yield tiles that cover the image, no side of them longer than `longest_px`."""
     lattice = corner_rays(camera)
     rays = band_rays(camera, slice(0, camera.height)) if lattice is None else lattice
-    yield from _split(ImageTile(slice(0, camera.height), slice(0, camera.width), rays), camera.is_pinhole)
+    yield from _split(ImageTile(slice(0, camera.height), slice(0, camera.width), rays), camera.is_pinhole, longest_px)
 
 
-def _split(tile: ImageTile, is_pinhole: bool) -> Iterator[ImageTile]:
+def _split(tile: ImageTile, is_pinhole: bool, longest_px: int) -> Iterator[ImageTile]:
     """Yield a tile, or its halves where it is too large."""
     height, width = tile.rays.shape[0] - 1, tile.rays.shape[1] - 1
-    if max(height, width) <= LONGEST_PX and (is_pinhole or max(height, width) == 1 or _is_narrow(tile.rays)):
+    if max(height, width) <= longest_px and (is_pinhole or max(height, width) == 1 or _is_narrow(tile.rays)):
         yield tile
     elif width >= height:
         x, half = tile.columns.start, width // 2
-        yield from _split(ImageTile(tile.rows, slice(x, x + half), tile.rays[:, : half + 1]), is_pinhole)
-        yield from _split(ImageTile(tile.rows, slice(x + half, x + width), tile.rays[:, half:]), is_pinhole)
+        yield from _split(ImageTile(tile.rows, slice(x, x + half), tile.rays[:, : half + 1]), is_pinhole, longest_px)
+        yield from _split(ImageTile(tile.rows, slice(x + half, x + width), tile.rays[:, half:]), is_pinhole, longest_px)
     else:
         y, half = tile.rows.start, height // 2
-        yield from _split(ImageTile(slice(y, y + half), tile.columns, tile.rays[: half + 1]), is_pinhole)
-        yield from _split(ImageTile(slice(y + half, y + height), tile.columns, tile.rays[half:]), is_pinhole)
+        upper = ImageTile(slice(y, y + half), tile.columns, tile.rays[: half + 1])
+        lower = ImageTile(slice(y + half, y + height), tile.columns, tile.rays[half:])
+        yield from _split(upper, is_pinhole, longest_px)
+        yield from _split(lower, is_pinhole, longest_px)
 
 
 def _is_narrow(rays: Rays) -> bool:
@@ -80,8 +82,14 @@ def _middle(rays: Rays) -> NDArray[np.float64]:
     return np.asarray(middle / np.linalg.norm(middle))
 
 
-def window_of(tile: ImageTile, is_pinhole: bool) -> Window:
-    """Return a window with SAMPLES × SAMPLES samples for each pixel of a tile, evenly spread over the window.
+def window_positions(rays: Rays, samples_from_camera: NDArray[np.float64]) -> Rays:
+    """Return (…, 3) (column, row, 1) of directions in a window."""
+    positions = rays @ samples_from_camera.T
+    return np.asarray(positions / positions[:, :, 2:])
+
+
+def window_of(tile: ImageTile, is_pinhole: bool, samples: int = SAMPLES) -> Window:
+    """Return a window with `samples` × `samples` samples for each pixel of a tile, evenly spread over the window.
 
     For a pinhole, samples lie evenly in each pixel.
     """
@@ -90,7 +98,7 @@ def window_of(tile: ImageTile, is_pinhole: bool) -> Window:
     in_window = border @ rotation
     flat = in_window[:, :2] / in_window[:, 2:]
     low, high = flat.min(axis=0), flat.max(axis=0)
-    size = SAMPLES * (np.array(tile.rays.shape[1::-1]) - 1)
+    size = samples * (np.array(tile.rays.shape[1::-1]) - 1)
     scale = size / (high - low)
     matrix = np.array([[scale[0], 0, -scale[0] * low[0]], [0, scale[1], -scale[1] * low[1]], [0, 0, 1]])
     reach = np.abs(np.stack([low, high])).max(axis=0)

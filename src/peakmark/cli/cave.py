@@ -23,7 +23,7 @@ from peakmark.experiments.cave.walk import CaveConfig
 def render_cave(
     scene: Annotated[str, Option(help="Scene file, or the name of a shipped scene.")] = CaveConfig.scene,
     out: Out = Path("out/cave"),
-    renderer: Annotated[str, Option(help="exact (no OpenGL), gl, traced (Mitsuba) or auto.")] = CaveConfig.renderer,
+    renderer: Annotated[str, Option(help="exact, gl, pyrender, traced (Mitsuba) or auto.")] = CaveConfig.renderer,
     samples: Samples = CaveConfig.samples,
     sensor: SensorName = None,
     bake: Bake = True,

@@ -10,7 +10,7 @@ Out = Annotated[Path, Option(help="Folder for the results; made if missing.")]
 Quiet = Annotated[bool, Option("--quiet", help="Print nothing but errors.")]
 UnusedSeed = Annotated[int, Option(hidden=True, help="Taken by every command; nothing here is random.")]
 NoiseSeed = Annotated[int, Option(help="Seed of the sensor noise.")]
-Samples = Annotated[int, Option(help="Paths a pixel of the traced renderer.")]
+Samples = Annotated[int, Option(help="Paths a pixel of the traced renderer, samples of pyrender.")]
 SensorName = Annotated[
     str | None,
     Option(

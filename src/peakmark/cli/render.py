@@ -16,7 +16,7 @@ from peakmark.experiments.scene_images import SceneImagesConfig, write_scene_ima
 def render(
     scene: Annotated[str, Argument(help="Scene file, or the name of a shipped scene: floor, hall, cave.")],
     out: Out = Path("out/render"),
-    renderer: Annotated[str, Option(help="exact (no OpenGL), gl, traced (Mitsuba) or auto.")] = "auto",
+    renderer: Annotated[str, Option(help="exact (no OpenGL), gl, pyrender, traced (Mitsuba) or auto.")] = "auto",
     samples: Samples = SceneImagesConfig.samples,
     sensor: SensorName = None,
     bake: Bake = True,

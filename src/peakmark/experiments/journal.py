@@ -97,11 +97,11 @@ class Journal:
 def journal_key(values: Any) -> dict[str, Any]:
     """Return the plain values of a configuration or camera that decide what records hold.
 
-    Fields of the traced renderer count only where it draws, and sensor and baking only where they are not the
+    Samples count only for the renderers that take them, and sensor and baking only where they are not the
     default, so that journals from before them still fit.
     """
     plain: dict[str, Any] = to_plain(values)
-    if plain.get("renderer") != "traced":
+    if plain.get("renderer") not in ("traced", "pyrender"):
         plain.pop("samples", None)
     for name, default in (("sensor", None), ("bake", True)):
         if plain.get(name, not default) == default:
