@@ -206,7 +206,7 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
     if (chosen->count < MIN_PIXELS) return result;
     equations here, there;
     double damping = 1e-3, slope[LIT], hessian[LIT * LIT], step[LIT], trial[LIT];
-    add_up(m, result.theta, chosen, &here);
+    add_up(m, result.theta, chosen, before->used, &here);
     result.noise = noise_of(here.squares, chosen->count);
     for (int64_t i = 0; i < limits.steps; i++) {
         if (!posterior(&here, result.theta, before, n, result.noise, damping, slope, hessian)) {
@@ -215,7 +215,7 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
         }
         double length = damped_step(hessian, slope, n, before->used[10], result.theta[10], step);
         for (int64_t k = 0; k < n; k++) trial[k] = result.theta[k] + step[k];
-        add_up(m, trial, chosen, &there);
+        add_up(m, trial, chosen, before->used, &there);
         result.converged = false;
         if (!(there.squares <= 1.2 * here.squares)) {
             damping *= 30;
@@ -332,10 +332,12 @@ static status fill_sandwich(model *m, const pixels *chosen, const double *theta,
     enum { N = PLAIN };
     int64_t count = chosen->count;
     equations sums;
+    prior everything;
     double hessian[N * N], inverse[N * N] = {0}, middle[N * N] = {0}, half[N * N] = {0};
     double *r = take(taken, count, sizeof *r), *jacobian = take(taken, N * count, sizeof *jacobian);
     if (!r || !jacobian) return OUT_OF_MEMORY;
-    add_up(m, theta, chosen, &sums);
+    use_all(&everything);
+    add_up(m, theta, chosen, everything.used, &sums);
     for (int64_t first = 0; first < count; first += TILE)
         compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, least(TILE, count - first), r + first,
                      jacobian + first, count);

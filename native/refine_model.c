@@ -120,6 +120,16 @@ void prepare(model *m, const double *theta) {
     m->levels = m->fitted;
 }
 
+/* Pixels of a tile, as columns: where each looks, and along either axis its box, its Gaussian, and how far they reach. */
+typedef struct {
+    double width[TILE], sigma[TILE], blur[TILE], reach[TILE];
+} axis_columns;
+
+typedef struct {
+    double x[TILE], y[TILE], u[TILE], v[TILE], w[TILE], ux[TILE], uy[TILE], vx[TILE], vy[TILE];
+    axis_columns across, down;
+} view_columns;
+
 /* One axis of a pixel: the lines that it sees, the box and the Gaussian of its own, and where its steps are kept. */
 typedef struct {
     int64_t first, last, at;
@@ -129,21 +139,43 @@ typedef struct {
 /* The smoothed steps of a tile: a box's two ends each line, in σ, and the normal distribution and density there. */
 typedef struct {
     int64_t count;
-    double ends[TILE * 2 * MOST_LINES * 2 + 4], steps[TILE * 2 * MOST_LINES * 2 + 4], densities[TILE * 2 * MOST_LINES * 2 + 4];
+    double ends[TILE * 2 * MOST_LINES * 2], steps[TILE * 2 * MOST_LINES * 2], densities[TILE * 2 * MOST_LINES * 2];
 } step_table;
 
-static axis_view view_axis(const model *m, double u, double by_x, double by_y, double blur, step_table *table) {
-    double width = greater(fabs(by_x), fabs(by_y)), other = lesser(fabs(by_x), fabs(by_y));
-    axis_view axis = {.width = width, .blur = blur * (by_x * by_x + by_y * by_y)};
-    axis.sigma = sqrt(other * other / 12 + axis.blur);
-    double reach = width / 2 + REACH * axis.sigma, per_sigma = 1 / axis.sigma;
+/* The wider of the two boxes is kept, the other's variance joins the Gaussian's. */
+static void fill_axis(const double *by_x, const double *by_y, double blur, axis_columns *axis) {
+    for (int64_t i = 0; i < TILE; i++) {
+        double a = fabs(by_x[i]), b = fabs(by_y[i]), width = a > b ? a : b, other = a > b ? b : a;
+        double own_blur = blur * (by_x[i] * by_x[i] + by_y[i] * by_y[i]), sigma = sqrt(other * other / 12 + own_blur);
+        axis->width[i] = width, axis->sigma[i] = sigma, axis->blur[i] = own_blur;
+        axis->reach[i] = width / 2 + REACH * sigma;
+    }
+}
+
+/* Where the pixels of a tile look; beyond `count` the last one again. */
+static void fill_views(const double *theta, const int32_t *xy, int64_t count, view_columns *views) {
+    for (int64_t i = 0; i < TILE; i++) {
+        views->x[i] = xy[2 * least(i, count - 1)], views->y[i] = xy[2 * least(i, count - 1) + 1];
+    }
+    for (int64_t i = 0; i < TILE; i++) {
+        pattern_view at = pattern_point(theta, views->x[i], views->y[i]);
+        views->u[i] = at.u, views->v[i] = at.v, views->w[i] = at.w;
+        views->ux[i] = at.ux, views->uy[i] = at.uy, views->vx[i] = at.vx, views->vy[i] = at.vy;
+    }
+    fill_axis(views->ux, views->uy, theta[10], &views->across);
+    fill_axis(views->vx, views->vy, theta[10], &views->down);
+}
+
+/* List the steps that a pixel sees along an axis. */
+static axis_view view_axis(const model *m, double u, const axis_columns *columns, int64_t i, step_table *table) {
+    axis_view axis = {.width = columns->width[i], .sigma = columns->sigma[i], .blur = columns->blur[i], .at = table->count};
+    double reach = columns->reach[i], per_sigma = 1 / axis.sigma;
     int64_t k = 0;
     while (k < m->line_count && u - m->lines[k] > reach) k++;
     axis.first = k;
-    axis.at = table->count;
     for (; k < m->line_count && m->lines[k] - u < reach; k++) {
-        table->ends[table->count++] = (u - m->lines[k] + width / 2) * per_sigma;
-        table->ends[table->count++] = (u - m->lines[k] - width / 2) * per_sigma;
+        table->ends[table->count++] = (u - m->lines[k] + axis.width / 2) * per_sigma;
+        table->ends[table->count++] = (u - m->lines[k] - axis.width / 2) * per_sigma;
     }
     axis.last = k;
     return axis;
@@ -206,8 +238,9 @@ static sight look(const model *m, const axis_view *u, const axis_view *v, const 
 }
 
 /* Write a pixel's residual, and the derivatives of its prediction; those by A and g leave out how they change the blur. */
-static void compare(const model *m, const double *theta, const pattern_view *at, const sight *seen, double x, double y,
+static void compare(const model *m, const double *theta, const view_columns *views, int64_t i, const sight *seen,
                     float level, double *r, double *jacobian, int64_t stride) {
+    double x = views->x[i], y = views->y[i];
     bool is_lit = m->parameters == LIT;
     double p = is_lit ? (x - m->anchor[0]) / m->anchor[2] : 0, q = is_lit ? (y - m->anchor[1]) / m->anchor[2] : 0;
     double light = is_lit ? 1 + theta[11] * p + theta[12] * q : 1, shade = is_lit ? theta[13] * p + theta[14] * q : 0;
@@ -218,9 +251,9 @@ static void compare(const model *m, const double *theta, const pattern_view *at,
     }
     *r = level - value;
     /* (px, py) is the prediction's gradient in the image; ∂prediction/∂θ = −(px, py)·∂x/∂θ at fixed u */
-    double px = gain * light * (seen->by_u * at->ux + seen->by_v * at->vx);
-    double py = gain * light * (seen->by_u * at->uy + seen->by_v * at->vy);
-    double along = px * (x - theta[0]) + py * (y - theta[1]), u = at->u / at->w, v = at->v / at->w;
+    double px = gain * light * (seen->by_u * views->ux[i] + seen->by_v * views->vx[i]);
+    double py = gain * light * (seen->by_u * views->uy[i] + seen->by_v * views->vy[i]);
+    double along = px * (x - theta[0]) + py * (y - theta[1]), u = views->u[i] / views->w[i], v = views->v[i] / views->w[i];
     const double by[LIT] = {-px, -py, -px * u, -px * v, -py * u, -py * v, along * u, along * v,
                             light * seen->level + shade, 1, gain * light * seen->by_blur / (2 * theta[10]),
                             gain * p * seen->level, gain * q * seen->level, gain * p, gain * q,
@@ -232,52 +265,73 @@ static void compare(const model *m, const double *theta, const pattern_view *at,
    horizon 255 and 0, where image and prediction are both white 0 and 0. `prepare` comes before. */
 void compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, double *r,
                   double *jacobian, int64_t stride) {
-    step_table table = {.count = 0};
-    pattern_view views[TILE];
+    step_table table;
+    view_columns views;
     axis_view across[TILE], down[TILE];
+    table.count = 0;
+    fill_views(theta, xy, count, &views);
     for (int64_t i = 0; i < count; i++) {
-        views[i] = pattern_point(theta, xy[2 * i], xy[2 * i + 1]);
-        if (views[i].w <= MIN_DEPTH) continue;
-        across[i] = view_axis(m, views[i].u, views[i].ux, views[i].uy, theta[10], &table);
-        down[i] = view_axis(m, views[i].v, views[i].vx, views[i].vy, theta[10], &table);
+        if (views.w[i] <= MIN_DEPTH) continue;
+        across[i] = view_axis(m, views.u[i], &views.across, i, &table);
+        down[i] = view_axis(m, views.v[i], &views.down, i, &table);
     }
     fill_steps(&table);
-    for (int64_t k = 0; k < m->parameters; k++)
-        for (int64_t i = 0; i < count; i++) jacobian[k * stride + i] = 0;
+    for (int64_t k = 0; k < m->parameters; k++) memset(jacobian + k * stride, 0, (size_t)count * sizeof *jacobian);
     for (int64_t i = 0; i < count; i++) {
         r[i] = 255;
-        if (views[i].w <= MIN_DEPTH) continue;
+        if (views.w[i] <= MIN_DEPTH) continue;
         sight seen = look(m, across + i, down + i, &table);
-        compare(m, theta, views + i, &seen, xy[2 * i], xy[2 * i + 1], levels[i], r + i, jacobian + i, stride);
+        compare(m, theta, &views, i, &seen, levels[i], r + i, jacobian + i, stride);
     }
 }
 
-/* Add a tile's products of rows to their lanes: the residuals with all, and all with each other. */
-static void add_products(const double rows[LIT + 1][TILE], int64_t count, double4 lanes[LIT + 1][LIT + 1]) {
-    for (int64_t a = 0; a < count; a++)
-        for (int64_t b = 0; b <= a; b++) {
-            double4 sum = lanes[a][b];
-            for (int64_t i = 0; i < TILE; i += 4) sum += load4(rows[a] + i) * load4(rows[b] + i);
-            lanes[a][b] = sum;
+/* Add a tile's products of rows to their lanes: of each of the listed rows with those listed before it, and itself. */
+static void add_products(const double rows[LIT + 1][TILE], const int64_t *listed, int64_t count,
+                         double4 lanes[LIT + 1][LIT + 1]) {
+    for (int64_t a = 0; a < count; a++) {
+        const double *row = rows[listed[a]];
+        double4 *sums = lanes[a];
+        int64_t b = 0;
+        for (; b + 4 <= a + 1; b += 4) { /* four at a time, for a row is read more slowly than multiplied */
+            const double *b0 = rows[listed[b]], *b1 = rows[listed[b + 1]], *b2 = rows[listed[b + 2]], *b3 = rows[listed[b + 3]];
+            double4 s0 = sums[b], s1 = sums[b + 1], s2 = sums[b + 2], s3 = sums[b + 3];
+            for (int64_t i = 0; i < TILE; i += 4) {
+                double4 value = load4(row + i);
+                s0 += value * load4(b0 + i), s1 += value * load4(b1 + i);
+                s2 += value * load4(b2 + i), s3 += value * load4(b3 + i);
+            }
+            sums[b] = s0, sums[b + 1] = s1, sums[b + 2] = s2, sums[b + 3] = s3;
         }
+        for (; b <= a; b++)
+            for (int64_t i = 0; i < TILE; i += 4) sums[b] += load4(row + i) * load4(rows[listed[b]] + i);
+    }
 }
 
-/* Compare all pixels, and add up the normal equations. */
-void add_up(model *m, const double *theta, const pixels *chosen, equations *sums) {
-    int64_t n = m->parameters;
+/* Compare all pixels, and add up the normal equations of the parameters that are used; those of others are 0. */
+void add_up(model *m, const double *theta, const pixels *chosen, const bool *used, equations *sums) {
+    int64_t n = m->parameters, listed[LIT + 1], last = 0;
     double rows[LIT + 1][TILE] = {{0}};
-    double4 lanes[LIT + 1][LIT + 1] = {{{0}}};
+    double4 lanes[LIT + 1][LIT + 1];
+    for (int64_t k = 0; k < n; k++)
+        if (used[k]) listed[last++] = k;
+    listed[last] = n; /* the residuals */
+    memset(lanes, 0, (size_t)(last + 1) * sizeof lanes[0]);
     prepare(m, theta);
     for (int64_t first = 0; first < chosen->count; first += TILE) {
         int64_t count = least(TILE, chosen->count - first);
         for (int64_t k = 0; count < TILE && k <= n; k++) memset(rows[k], 0, sizeof rows[k]);
         compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, count, rows[n], rows[0], TILE);
-        add_products((const double(*)[TILE])rows, n + 1, lanes);
+        add_products((const double(*)[TILE])rows, listed, last + 1, lanes);
     }
-    for (int64_t a = 0; a < n; a++)
-        for (int64_t b = 0; b <= a; b++) sums->hessian[a * n + b] = sums->hessian[b * n + a] = sum4(lanes[a][b]);
-    for (int64_t k = 0; k < n; k++) sums->slope[k] = sum4(lanes[n][k]);
-    sums->squares = sum4(lanes[n][n]);
+    memset(sums, 0, sizeof *sums);
+    for (int64_t a = 0; a < last; a++) {
+        for (int64_t b = 0; b <= a; b++) {
+            double sum = sum4(lanes[a][b]);
+            sums->hessian[listed[a] * n + listed[b]] = sums->hessian[listed[b] * n + listed[a]] = sum;
+        }
+        sums->slope[listed[a]] = sum4(lanes[last][a]);
+    }
+    sums->squares = sum4(lanes[last][last]);
 }
 
 static void compare_all(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t n,

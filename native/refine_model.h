@@ -51,10 +51,10 @@ static inline pattern_view pattern_point(const double *theta, double x, double y
     double b11 = theta[2] - dx * theta[6], b12 = theta[3] - dx * theta[7];
     double b21 = theta[4] - dy * theta[6], b22 = theta[5] - dy * theta[7];
     double determinant = b11 * b22 - b12 * b21;
-    if (!(determinant > 0)) return (pattern_view){0};
+    bool is_before = determinant > 0; /* without a branch, so that loops over pixels use wide registers */
     double u = (b22 * dx - b12 * dy) / determinant, v = (b11 * dy - b21 * dx) / determinant;
-    double w = 1 + theta[6] * u + theta[7] * v, scale = w / determinant;
-    return (pattern_view){u, v, w, scale * b22, -scale * b12, -scale * b21, scale * b11};
+    double w = is_before ? 1 + theta[6] * u + theta[7] * v : 0, scale = is_before ? w / determinant : 0;
+    return (pattern_view){is_before ? u : 0, is_before ? v : 0, w, scale * b22, -scale * b12, -scale * b21, scale * b11};
 }
 
 /* Normal equations of a fit: Σ r², J r and J Jᵀ over the pixels. */
@@ -67,7 +67,7 @@ typedef struct {
 void prepare(model *m, const double *theta);
 void compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, double *r,
                   double *jacobian, int64_t stride);
-void add_up(model *m, const double *theta, const pixels *chosen, equations *sums);
+void add_up(model *m, const double *theta, const pixels *chosen, const bool *used, equations *sums);
 int64_t choose_pixels(const model *m, const double *theta, int64_t height, int64_t width, int64_t wanted, int32_t *xy,
                       bool *near);
 int64_t pixels_around(const model *m, const double *theta, int64_t height, int64_t width);
