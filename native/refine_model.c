@@ -237,6 +237,11 @@ static sight look(const model *m, const axis_view *u, const axis_view *v, const 
     return seen;
 }
 
+static void leave_out(int64_t parameters, double residual, double *r, double *jacobian, int64_t stride) {
+    *r = residual;
+    for (int64_t k = 0; k < parameters; k++) jacobian[k * stride] = 0;
+}
+
 /* Write a pixel's residual, and the derivatives of its prediction; those by A and g leave out how they change the blur. */
 static void compare(const model *m, const double *theta, const view_columns *views, int64_t i, const sight *seen,
                     float level, double *r, double *jacobian, int64_t stride) {
@@ -246,7 +251,7 @@ static void compare(const model *m, const double *theta, const view_columns *vie
     double light = is_lit ? 1 + theta[11] * p + theta[12] * q : 1, shade = is_lit ? theta[13] * p + theta[14] * q : 0;
     double gain = theta[8], value = theta[9] + gain * (light * seen->level + shade);
     if (is_lit && value >= CLIPPED && level >= CLIPPED) {
-        *r = 0;
+        leave_out(m->parameters, 0, r, jacobian, stride);
         return;
     }
     *r = level - value;
@@ -276,10 +281,11 @@ void compare_tile(const model *m, const double *theta, const int32_t *xy, const 
         down[i] = view_axis(m, views.v[i], &views.down, i, &table);
     }
     fill_steps(&table);
-    for (int64_t k = 0; k < m->parameters; k++) memset(jacobian + k * stride, 0, (size_t)count * sizeof *jacobian);
     for (int64_t i = 0; i < count; i++) {
-        r[i] = 255;
-        if (views.w[i] <= MIN_DEPTH) continue;
+        if (views.w[i] <= MIN_DEPTH) {
+            leave_out(m->parameters, 255, r + i, jacobian + i, stride);
+            continue;
+        }
         sight seen = look(m, across + i, down + i, &table);
         compare(m, theta, &views, i, &seen, levels[i], r + i, jacobian + i, stride);
     }
