@@ -31,7 +31,7 @@ def marker_row(marker: Row, camera: Camera) -> Row:
         "tilt_deg": marker["tilt_deg"],
         "visible": marker["visible_fraction"],
         "inside": float(camera.contains(points).all()),
-        "bent": None,
+        "bent": marker.get("bend_radius_m"),
         "code": None,
         "part": 0,
         "group": marker["name"],

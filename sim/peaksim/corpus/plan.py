@@ -127,7 +127,7 @@ def _warped_frame(spec: CorpusSpec, spread: WarpedSpread, folder: Path, index: i
     draws, camera = frame_draws(spec.seed, index), _camera(spec, folder, sequence_draws(spec.seed, number), 0)
     files = photographs(folder, spread.photographs)
     name = draws.pick("warped.photograph", tuple(files))
-    scene = warped_scene(spread, spec.prints, camera.camera, draws)
+    scene = warped_scene(spread, spec.bends, spec.prints, camera.camera, draws)
     trajectory = Trajectory(np.zeros(1), POSE[None])
     sequence = Sequence(
         number, name, Setup(scene, camera.camera, trajectory, Sensor()), None, camera, spread, trajectory

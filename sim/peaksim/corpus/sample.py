@@ -184,6 +184,7 @@ def _marker_values(scene: Scene, camera: Camera, pose: Pose, truth: tuple[Marker
             "distance_m": float(marker.distance_m),
             "tilt_deg": float(marker.tilt_deg),
             "visible_fraction": float(marker.visible_fraction),
+            "bend_radius_m": None if (bend := printed[marker.name][1].bend) is None else bend.radius_m,
         }
         for i, marker in enumerate(listed)
     ]

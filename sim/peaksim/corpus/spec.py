@@ -163,6 +163,20 @@ class OccluderSpread(StrictTable):
     level: Level = spread_field((30, 230))
 
 
+class BendSpread(StrictTable):
+    """`[bends]`: markers on curled paper, whose edges or whose middle touch what they lie on."""
+
+    share: Share = spread_field(0)
+    radius_sides: Length = spread_field({"log_uniform": (0.6, 4)})
+    inward: Share = spread_field(0.3)
+
+    @model_validator(mode="after")
+    def _is_no_tube(self) -> Self:
+        if not self.radius_sides.limits[0] >= 0.4:
+            raise ValueError(f"radius_sides: expected at least 0.4, got {self.radius_sides.limits[0]:g}")
+        return self
+
+
 class PrintSpread(StrictTable):
     """`[prints]`: ink and paper of markers, posters and clutter, one for a sequence."""
 
@@ -338,6 +352,7 @@ class CorpusSpec(StrictTable):
     markers: MarkerSpread = MarkerSpread()
     clutter: ClutterSpread = ClutterSpread()
     occluders: OccluderSpread | None = None
+    bends: BendSpread | None = None
     prints: PrintSpread | None = None
     textures: dict[Name, TextureSpread] = Field(default_factory=dict)
     light: LightSpread | None = None
@@ -371,7 +386,7 @@ class CorpusSpec(StrictTable):
     @model_serializer(mode="wrap")
     def _values(self, to_values: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Return the values without later fields that nobody stated, so that the hashes of older suites stay."""
-        later = ("samples", "bake", "occluders", "prints", "warped")
+        later = ("samples", "bake", "occluders", "bends", "prints", "warped")
         return {name: value for name, value in to_values(self).items() if name not in later or value is not None}
 
     @property

@@ -57,7 +57,7 @@ FRAME_COLUMNS = {
 MARKER_COLUMNS = {
     **dict.fromkeys(("frame", "sequence"), "int64"),
     **dict.fromkeys(("name", "kind"), "string"),
-    **dict.fromkeys(("side_m", "side_px", "distance_m", "tilt_deg", "visible_fraction"), "float64"),
+    **dict.fromkeys(("side_m", "side_px", "distance_m", "tilt_deg", "visible_fraction", "bend_radius_m"), "float64"),
     **{f"{point}_{axis}": "float64" for point in KEYPOINTS for axis in "xy"},
     **{f"{point}_seen": "int8" for point in KEYPOINTS},
 }

@@ -4,7 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import ClutterSpread, CorpusSpec, MarkerSpread, OccluderSpread, PrintSpread, TextureSpread
+from peaksim.corpus.spec import (
+    BendSpread,
+    ClutterSpread,
+    CorpusSpec,
+    MarkerSpread,
+    OccluderSpread,
+    PrintSpread,
+    TextureSpread,
+)
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rotation_about
 from peaksim.scene.build import path_poses, quad_pose
@@ -30,7 +38,9 @@ def vary_scene(table: SceneTable, spec: CorpusSpec, draws: Draws) -> SceneTable:
     changed = table.model_copy(
         update={
             "textures": textures,
-            "markers": tuple(_varied_markers(all_markers(table), spec, draws)),
+            "markers": tuple(
+                bent_marker(m, spec.bends, draws) for m in _varied_markers(all_markers(table), spec, draws)
+            ),
             "marker_paths": (),
         }
     )
@@ -131,6 +141,27 @@ def _varied_marker(marker: MarkerTable, spread: MarkerSpread, draws: Draws) -> M
     )
 
 
+def bent_marker(marker: MarkerTable, spread: BendSpread | None, draws: Draws) -> MarkerTable:
+    """Return a marker whose paper may be curled about an axis; it is lifted until its edges lie where it lay."""
+    if spread is None:
+        return marker
+    field = f"bends.{marker.name}"
+    if not draws.share(f"{field}.share") < draws.value("bends.share", spread.share):
+        return marker
+    width_m = marker.side_m + 2 * marker.border_m
+    radius_m = width_m * draws.value(f"{field}.radius", spread.radius_sides)
+    inward = draws.share(f"{field}.inward") < draws.value("bends.inward", spread.inward)
+    lift_m = 0.0 if inward else radius_m * (1 - np.cos(width_m / 2 / radius_m))
+    normal = np.array(marker.normal) / np.linalg.norm(marker.normal)
+    return marker.model_copy(
+        update={
+            "bend_radius_m": -radius_m if inward else radius_m,
+            "bend_axis": draws.pick(f"{field}.axis", ("x", "y")),
+            "center_m": _triple(np.array(marker.center_m) + lift_m * normal),
+        }
+    )
+
+
 # --- clutter ----------------------------------------------------------------------------------------------------
 
 
@@ -197,9 +228,10 @@ def _floor_point(room: RoomTable, draws: Draws, name: str) -> tuple[float, float
 
 
 def with_occluders(table: SceneTable, spread: OccluderSpread, draws: Draws) -> SceneTable:
-    """Return the scene with a sheet of paper over a part of some of its markers."""
+    """Return the scene with a sheet of paper over a part of some of its flat markers."""
     share = draws.value("occluders.share", spread.share)
-    covered = [marker for marker in table.markers if draws.share(f"occluders.share.{marker.name}") < share]
+    flat = [marker for marker in table.markers if marker.bend_radius_m is None]
+    covered = [marker for marker in flat if draws.share(f"occluders.share.{marker.name}") < share]
     names = {marker.name: f"occluder {k}" for k, marker in enumerate(covered)}
     levels = {
         name: TextureTable(level=draws.value(f"occluders.level.{marker}", spread.level))

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from peaksim.camera.camera import Camera
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import PrintSpread, WarpedSpread
-from peaksim.corpus.vary import drawn_print
+from peaksim.corpus.spec import BendSpread, PrintSpread, WarpedSpread
+from peaksim.corpus.vary import bent_marker, drawn_print
 from peaksim.geometry.pose import Pose, look_at, transform
 from peaksim.scene.build import marker_quads
 from peaksim.scene.material import Material
@@ -25,9 +25,11 @@ POSE: Pose = look_at((0.0, 0.0, 1.5), (0.0, 1.0, 1.5))
 """(4, 4) `world_from_camera` of all frames: upright, along y."""
 
 
-def warped_scene(spread: WarpedSpread, prints: PrintSpread | None, camera: Camera, draws: Draws) -> Scene:
+def warped_scene(
+    spread: WarpedSpread, bends: BendSpread | None, prints: PrintSpread | None, camera: Camera, draws: Draws
+) -> Scene:
     """Return the sheets of a frame, which do not overlap in its image."""
-    tables = tuple(_sheets(spread, camera, draws))
+    tables = tuple(bent_marker(sheet, bends, draws) for sheet in _sheets(spread, camera, draws))
     material = Material(**drawn_print(prints or PrintSpread(), draws).model_dump())
     return Scene(tuple(marker_quads(tables, (), None, {PRINT: material})))
 

@@ -73,6 +73,7 @@ def test_a_faulty_file_is_one_line_with_file_and_field(tmp_path: Path, line: str
         ({"markers": {"side_factor": [0, 2]}}, "side_factor: expected positive"),
         ({"clutter": {"boxes": [0, 3]}}, "whole numbers"),
         ({"samples": 0}, "samples"),
+        ({"bends": {"radius_sides": [0.2, 1]}}, "radius_sides: expected at least 0.4, got 0.2"),
         ({"warped": {}}, "scenes: expected none beside \\[warped\\]"),
         ({"warped": {}, "scenes": [], "views": [], "cameras": []}, "cameras: expected at least one beside"),
         ({"warped": {"tilt_deg": [0, 90]}}, "without 90"),

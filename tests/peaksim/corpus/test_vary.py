@@ -15,7 +15,7 @@ from peaksim.scene.file import build_setup, load_scene
 from peaksim.scene.lamps import AreaLight
 from peaksim.scene.material import PRINT
 
-from tests.peaksim.corpus.helpers import tiny_spec
+from tests.peaksim.corpus.helpers import tiny_records, tiny_spec
 
 
 def test_markers_of_paths_are_listed_where_the_scene_puts_them() -> None:
@@ -157,3 +157,24 @@ def test_lamps_hang_in_the_room_and_windows_shine_into_it(folder: Path) -> None:
         inwards = np.array([0, 0, 0.75]) - pose[:3, 3]
         assert inwards @ np.array(lamp.normal) > 0
         assert 5 <= lamp.radiance <= 9
+
+
+def test_curled_paper_touches_what_it_lies_on_and_keeps_full_truth(folder: Path) -> None:
+    views = [{"kind": "marker", "distance_m": 0.8, "off_axis": 0, "tilt_deg": 20}]
+    spec = tiny_spec(bends={"share": 1, "inward": 0.5}, views=views, frames=8)
+    radii = []
+    for record in tiny_records(spec, folder):
+        quads = {quad.name: quad for quad in plan_frame(spec, folder, record["frame"]).scene.quads}
+        for marker in record["markers"]:
+            quad = quads[marker["name"]]
+            radii.append(marker["bend_radius_m"])
+            assert 0.59 <= abs(radii[-1]) / quad.size_m[0] <= 4.01
+            height = (quad.panels_m.reshape(-1, 3) - [0, 0.99, 0]) @ quad.world_from_quad[:3, 2]
+            lowest = height.min() if marker["name"] == "wall" else quad.panels_m[..., 2].min()
+            assert lowest == pytest.approx(0 if marker["name"] == "wall" else 0.001, abs=2e-4)
+            if marker["visible_fraction"] == 1 and marker["points_seen"] != [2] * 5:
+                raise AssertionError(marker)
+    assert min(radii) < 0 < max(radii)
+    assert all(
+        m["bend_radius_m"] is None for record in tiny_records(tiny_spec(frames=2), folder) for m in record["markers"]
+    )
