@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait by spinning, which beside others takes minutes
+
 import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers

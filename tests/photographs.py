@@ -13,7 +13,7 @@ from PIL import Image
 from peakmark.markers.sheet import Page
 from peakmark.markers.sheet_files import raster
 
-_DPI = 200.0
+_DPI = 254.0  # ten to a millimetre, so that pages are whole numbers of pixels
 _FINE = 3  # sub-samples of a pixel along each side
 _PAPER = (20.0, 190.0)  # grey levels of ink and paper
 

@@ -43,7 +43,7 @@ def peakmark(installed: Path, folder: Path, *arguments: str) -> str:
 
 @pytest.mark.slow
 def test_two_commands_from_print_to_pose(installed: Path, tmp_path: Path) -> None:
-    peakmark(installed, tmp_path, "marker", "array-5", "--format", "png", "--dpi", "200", "--out", "sheet")
+    peakmark(installed, tmp_path, "marker", "array-5", "--format", "png", "--dpi", "254", "--out", "sheet")
     (sheet,) = (tmp_path / "sheet").glob("*.png")
     paper = Paper(np.asarray(Image.open(sheet).convert("L"), dtype=np.float32), np.array([0.210, 0.297]))
     PHONE.save(tmp_path / "cam.yaml")

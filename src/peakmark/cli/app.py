@@ -16,6 +16,14 @@ COMMANDS = {
         "peakmark.cli.identify:identify",
         "Find markers and arrays in images, folders, films, or a camera's images.",
     ),
+    "calibrate": (
+        "peakmark.cli.calibrate:calibrate_camera",
+        "Calibrate a camera from photographs of a printed board of coded arrays.",
+    ),
+    "map": (
+        "peakmark.cli.map:map_arrays",
+        "Map where arrays hang, from photographs that show two or more of them at once.",
+    ),
     "envelope": (
         "peakmark.cli.envelope:envelope",
         "Say at which distances and tilts a camera finds a marker of a printed size, from measured detection rates.",

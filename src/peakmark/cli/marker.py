@@ -10,6 +10,8 @@ from typer import Argument, Option
 from peakmark.cli.command import examples
 from peakmark.cli.options import UnusedSeed
 from peakmark.errors import InputError
+from peakmark.markers.array_code import Layout
+from peakmark.markers.board import BOARD_LAYOUT, board_page
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
 from peakmark.markers.sheet import (
@@ -34,7 +36,7 @@ SIDE_MM, ARRAY_SIDE_MM = 80.0, 60.0
     "peakmark marker surf --side-mm 80", "peakmark marker array --side-mm 40 --paper a3 --format svg --out sheets"
 )
 def marker(
-    kind: Annotated[str, Argument(help="surf, sift, array (all eight 3-bit arrays) or array-0 … array-7")],
+    kind: Annotated[str, Argument(help="surf, sift, array (all eight 3-bit arrays), array-0 … array-7, or board")],
     out: Annotated[Path, Option(help="directory for the sheet and result.json")] = Path("out/marker"),
     side_mm: Annotated[
         float | None, Option(help="side of one marker without border [default: 80, in arrays 60, less on small pages]")
@@ -52,11 +54,18 @@ def marker(
     seed: UnusedSeed = 0,
     quiet: Annotated[bool, Option("--quiet", help="print nothing")] = False,
 ) -> None:
-    """Write a print-ready sheet of markers."""
+    """Write a print-ready sheet of markers.
+
+    A board is a page of coded arrays, as many as it holds, for `peakmark calibrate`.
+    """
     if limit not in ("energy", "range"):
         raise InputError(f"limit: expected energy or range, got {limit!r}")
     polarity: Polarity = "light" if light else "dark"
     paper_mm = paper_size(paper, landscape)
+    if kind == "board":
+        page, _ = board_page(paper_mm, side_mm, label)
+        _write((page,), out, f"board-{page.markers[0].marker.side_mm:g}mm", format, dpi, BOARD_LAYOUT, quiet)
+        return
     if side_mm is None:
         side_mm = ARRAY_SIDE_MM if kind.startswith("array") else SIDE_MM
         (tile, *_) = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count)
@@ -64,9 +73,15 @@ def marker(
     tiles = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count)
     laid_out = pages(tiles, paper_mm, border_mm, label)
     name = f"{kind if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"
+    _write(laid_out, out, name, format, dpi, None, quiet)
+
+
+def _write(
+    laid_out: tuple[Page, ...], out: Path, name: str, format: str, dpi: float, layout: Layout | None, quiet: bool
+) -> None:
     with result_folder(out) as folder:
         files = [path.name for path in write(laid_out, folder / name, format, dpi)]
-        write_json(folder / "result.json", result(laid_out, files))
+        write_json(folder / "result.json", result(laid_out, files, layout))
     if not quiet:
         print("\n".join(str(out / file) for file in files))
 
@@ -91,8 +106,8 @@ def sheet_tiles(
     return [array_tile(code, side_mm, gap_mm, limit) for code in codes[kind] for _ in range(count)]
 
 
-def result(laid_out: tuple[Page, ...], files: list[str]) -> dict[str, Any]:
-    """Return what was printed where, as written to result.json."""
+def result(laid_out: tuple[Page, ...], files: list[str], layout: Layout | None = None) -> dict[str, Any]:
+    """Return what was printed where, as written to result.json; `layout` is that of a board's arrays."""
     return {
         "files": files,
         "page_mm": [laid_out[0].width_mm, laid_out[0].height_mm],
@@ -102,4 +117,5 @@ def result(laid_out: tuple[Page, ...], files: list[str]) -> dict[str, Any]:
             for number, page in enumerate(laid_out, 1)
             for printed in page.markers
         ],
+        **({} if layout is None else {"layout": asdict(layout)}),
     }

@@ -225,10 +225,16 @@ def candidate_poses(camera: Camera, xy: NDArray[np.float64], points_m: NDArray[n
     is_flat = spread[2] < 1e-6 * spread[0]
     target = transform(invert(flat_frame), points_m) * ([1, 1, 0] if is_flat else [1, 1, 1])
     rays = camera.unproject(xy)
-    flag = cv2.SOLVEPNP_IPPE if is_flat else cv2.SOLVEPNP_SQPNP
-    count, rotations, shifts, _ = cv2.solvePnPGeneric(target, rays[:, :2] / rays[:, 2:], np.eye(3), None, flags=flag)
-    poses = [compose(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rotations[:count], shifts[:count], strict=True)]
-    return [flat_frame @ invert(pose) for pose in poses]
+    for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP) if is_flat else (cv2.SOLVEPNP_SQPNP,):
+        solved = cv2.solvePnPGeneric(target, rays[:, :2] / rays[:, 2:], np.eye(3), None, flags=flag)
+        count, rotations, shifts = solved[:3]
+        poses = [
+            compose(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(rotations[:count], shifts[:count], strict=True)
+        ]
+        finite = [pose for pose in poses if np.isfinite(pose).all()]  # IPPE gives nan for a view exactly head-on
+        if finite:
+            return [flat_frame @ invert(pose) for pose in finite]
+    return []
 
 
 def _principal_frame(points_m: NDArray[np.float64]) -> tuple[Pose, Values]:

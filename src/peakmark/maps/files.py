@@ -22,7 +22,7 @@ from pydantic import Field
 
 from peakmark.errors import InputError
 from peakmark.maps.marker_map import MappedArray, MarkerMap, joined_layout
-from peakmark.markers.array_code import THREE_BIT, code_of, polarities_of
+from peakmark.markers.array_code import THREE_BIT, Layout, code_of, polarities_of
 from peakmark.markers.patterns import Polarity
 from peakmark.score.arrays import printed_arrays
 from peakmark.score.wanted import polarity_of
@@ -31,10 +31,18 @@ _LARGEST_FILE = 10_000_000  # bytes
 _RIGHT_DOWN = np.array([1.0, -1.0])  # x right and y up of a quad → x right and y down of a pattern
 
 
-class ArrayTable(StrictTable):
-    """`[[arrays]]`: a 3-bit array of SURF markers."""
+class LayoutTable(StrictTable):
+    """`[layout]`: of all arrays; without it they are the 3-bit ones."""
 
-    code: Annotated[int, Field(ge=0, le=7)]
+    rows: Annotated[int, Field(ge=2, le=16)] = 2
+    columns: Annotated[int, Field(ge=2, le=16)] = 2
+    parity: bool = False
+
+
+class ArrayTable(StrictTable):
+    """`[[arrays]]`: an array of SURF markers; `center_m` is the middle of its grid, the blank corner included."""
+
+    code: Annotated[int, Field(ge=0)]
     side_m: Positive
     pitch_m: Positive | None = None
     center_m: Point3
@@ -57,6 +65,7 @@ class MapMarkerTable(StrictTable):
 class MapTable(StrictTable):
     """The whole file."""
 
+    layout: LayoutTable = LayoutTable()
     arrays: tuple[ArrayTable, ...] = ()
     markers: tuple[MapMarkerTable, ...] = ()
 
@@ -101,16 +110,33 @@ def _sheet_map(values: dict[str, Any], scale_bar_mm: float | None) -> MarkerMap:
     sides = np.array([marker["side_mm"] for marker in markers], dtype=np.float64) / 1000
     pages = np.array([marker["page"] for marker in markers], dtype=np.intp)
     polarities: tuple[Polarity, ...] = tuple(marker["polarity"] for marker in markers)
-    arrays, layout = sheet_arrays(xy_mm / 1000, sides, polarities, pages)
+    layout: Layout
+    if "layout" in values:
+        layout = Layout(**values["layout"])
+        arrays = board_arrays(polarities, layout)
+    else:
+        arrays, layout = sheet_arrays(xy_mm / 1000, sides, polarities, pages)
     centers = np.column_stack([(xy_mm - page_mm / 2) * _RIGHT_DOWN / 1000, np.zeros(len(markers))])
     axes = np.broadcast_to(np.array([[1.0, 0.0], [0.0, -1.0], [0.0, 0.0]]), (len(markers), 3, 2))
     printed = MarkerMap(centers, axes, sides, polarities, arrays, layout, pages)
     return printed if scale_bar_mm is None else printed.scaled(scale_bar_mm / stated)
 
 
+def board_arrays(polarities: Sequence[Polarity], layout: Layout) -> tuple[MappedArray, ...]:
+    """Return the arrays of a board, which lists their markers one array after the other."""
+    size = len(layout.cells)
+    arrays = []
+    for first in range(0, len(polarities), size):
+        code = code_of(polarities[first : first + size], layout)
+        if code is None:
+            raise InputError(f"markers {first} to {first + size}: expected an array with an even parity")
+        arrays.append(MappedArray(code, tuple(range(first, first + size))))
+    return tuple(arrays)
+
+
 def sheet_arrays(
     xy_m: NDArray[np.float64], sides_m: NDArray[np.float64], polarities: Sequence[Polarity], pages: NDArray[np.intp]
-) -> tuple[tuple[MappedArray, ...], Any]:
+) -> tuple[tuple[MappedArray, ...], Layout]:
     """Return the arrays among (m, 2) centres, x right and y down, and their layout: any three that form a corner.
 
     A sheet lists the markers of an array one after the other in reading order.
@@ -157,7 +183,9 @@ def _toml_map(content: dict[str, Any], name: str) -> MarkerMap:
     table = validate(MapTable, content, name)
     if not table.arrays and not table.markers:
         raise InputError("expected [[arrays]] or [[markers]], got none")
-    layout = joined_layout([(each.pitch_m or 1.5 * each.side_m) / each.side_m for each in table.arrays])
+    pitch = joined_layout([(each.pitch_m or 1.5 * each.side_m) / each.side_m for each in table.arrays]).pitch
+    layout = Layout(table.layout.rows, table.layout.columns, pitch, table.layout.parity)
+    size, middle = len(layout.cells), (np.array([layout.columns, layout.rows]) - 1) / 2
     poses: list[NDArray[np.float64]] = []
     centers: list[NDArray[np.float64]] = []
     sides: list[float] = []
@@ -166,14 +194,14 @@ def _toml_map(content: dict[str, Any], name: str) -> MarkerMap:
     sigmas: list[float | None] = []
     for i, array in enumerate(table.arrays):
         pose = quad_pose(array.normal, array.up, array.center_m, f"arrays[{i}]")
-        pitch = array.pitch_m or 1.5 * array.side_m
-        arrays.append(MappedArray(array.code, tuple(range(len(centers), len(centers) + 3))))
-        for (column, row), polarity in zip(layout.cells, polarities_of(array.code, layout), strict=True):
-            centers.append(transform(pose, [(column - 0.5) * pitch, (0.5 - row) * pitch, 0.0]))
-            polarities.append(polarity)
-        poses += [pose] * 3
-        sides += [array.side_m] * 3
-        sigmas += [array.sigma_m] * 3
+        step = array.pitch_m or 1.5 * array.side_m
+        arrays.append(MappedArray(array.code, tuple(range(len(centers), len(centers) + size))))
+        on_paper = (np.array(layout.cells) - middle) * _RIGHT_DOWN * step
+        centers += list(transform(pose, np.column_stack([on_paper, np.zeros(size)])))
+        polarities += _polarities(array.code, layout, f"arrays[{i}]")
+        poses += [pose] * size
+        sides += [array.side_m] * size
+        sigmas += [array.sigma_m] * size
     for i, marker in enumerate(table.markers):
         poses.append(quad_pose(marker.normal, marker.up, marker.center_m, f"markers[{i}]"))
         centers.append(np.array(marker.center_m))
@@ -192,6 +220,13 @@ def _toml_map(content: dict[str, Any], name: str) -> MarkerMap:
     )
 
 
+def _polarities(code: int, layout: Layout, field: str) -> tuple[Polarity, ...]:
+    try:
+        return polarities_of(code, layout)
+    except InputError as error:
+        raise InputError(f"{field}.{error}") from error
+
+
 def save_map(marker_map: MarkerMap, path: str | Path) -> None:
     """Write a map as the TOML file that `load_map` reads; one of several sheets of paper is an `InputError`."""
     if marker_map.pages is not None and len(np.unique(marker_map.pages)) > 1:
@@ -202,13 +237,20 @@ def save_map(marker_map: MarkerMap, path: str | Path) -> None:
 def map_text(marker_map: MarkerMap) -> str:
     """Return what `save_map` writes."""
     lines = ["# peakmark map: metres, right-handed; the normal points out of the paper, up along the print"]
-    inside = {row for array in marker_map.arrays for row in array.rows}
+    layout, inside = marker_map.layout, {row for array in marker_map.arrays for row in array.rows}
+    if (layout.rows, layout.columns, layout.parity) != (2, 2, False):
+        lines += ["", "[layout]", f"rows = {layout.rows}", f"columns = {layout.columns}"]
+        lines.append(f"parity = {str(layout.parity).lower()}")
     for array in marker_map.arrays:
-        top, left, _ = marker_map.centers_m[list(array.rows)]
         side = float(marker_map.sides_m[array.rows[0]])
-        pitch = float(np.linalg.norm(top - left) / np.sqrt(2))
+        centers, cells = marker_map.centers_m[list(array.rows)], np.array(layout.cells, dtype=np.float64)
+        # least squares over all markers: a scene's texels round where each of them is
+        grid = np.column_stack([cells, np.ones(len(cells))])
+        along, down, corner = np.linalg.lstsq(grid, centers, rcond=None)[0]
+        middle = corner + (layout.columns - 1) / 2 * along + (layout.rows - 1) / 2 * down
+        pitch = float(np.linalg.norm(along) + np.linalg.norm(down)) / 2
         lines += ["", "[[arrays]]", f"code = {array.code}", f"side_m = {side!r}", f"pitch_m = {pitch:.9g}"]
-        lines += _frame_lines(marker_map, array.rows, (top + left) / 2)
+        lines += _frame_lines(marker_map, array.rows, middle)
     for row in range(len(marker_map)):
         if row not in inside:
             side, polarity = float(marker_map.sides_m[row]), marker_map.polarities[row]

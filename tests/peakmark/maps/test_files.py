@@ -11,6 +11,7 @@ from peakmark.cli.marker import result, sheet_tiles
 from peakmark.errors import InputError
 from peakmark.maps.files import load_map, save_map, scene_map
 from peakmark.maps.marker_map import MarkerMap
+from peakmark.markers.board import BOARD_LAYOUT, board_page
 from peakmark.markers.sheet import pages, paper_size
 from peakmark.score.arrays import printed_arrays
 
@@ -80,6 +81,19 @@ def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
         assert_same(load_map(tmp_path / "map.toml"), marker_map, tolerance_m)
 
 
+def test_a_board_is_one_map_of_its_own_layout(tmp_path: Path) -> None:
+    page, count = board_page(paper_size("a3"))
+    (tmp_path / "board").mkdir()
+    text = json.dumps(result((page,), ["board.pdf"], BOARD_LAYOUT))
+    (tmp_path / "board" / "result.json").write_text(text, encoding="utf-8")
+    board = load_map(tmp_path / "board")
+    assert [array.code for array in board.arrays] == list(range(count))
+    assert (count, len(board), board.layout) == (20, 160, BOARD_LAYOUT)
+    save_map(board, tmp_path / "map.toml")
+    assert_same(load_map(tmp_path / "map.toml"), board, 1e-9)
+    assert load_map(tmp_path / "map.toml").layout == BOARD_LAYOUT
+
+
 def test_a_map_of_several_sheets_cannot_be_saved(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected a map of one piece, got one of several sheets"):
         save_map(load_map(write_sheet(tmp_path, "array", 40.0)), tmp_path / "map.toml")
@@ -114,7 +128,7 @@ def test_a_map_by_hand(tmp_path: Path) -> None:
         ("m.toml", "", "expected [[arrays]] or [[markers]], got none"),
         ("m.toml", TOML.replace("0.1", "100.0"), "is it in millimetres?"),
         ("m.toml", TOML.replace("[1.0, 0.0", "[1100.0, 0.0"), "is it in millimetres?"),
-        ("m.toml", TOML.replace("code = 5", "code = 9"), "arrays[0].code: "),
+        ("m.toml", TOML.replace("code = 5", "code = 9"), "arrays[0].code: expected an integer in 0…7, got 9"),
         ("m.toml", TOML.replace("side_m = 0.1", "size_m = 0.1"), "unknown field (did you mean 'side_m'?)"),
         ("m.toml", TOML.replace("[0.0, -1.0, 0.0]", "[0.0, 0.0, 1.0]"), "arrays[0]: expected normal and up"),
         ("m.toml", "[[", "is not TOML"),
