@@ -51,7 +51,8 @@ class PoseEstimate:
     fit: PoseFit
     """The pose of least cost."""
     rival: PoseFit | None
-    """The best of the other poses, such as the mirrored one of a flat target; None if there is none."""
+    """The best of the other poses, such as the mirrored one of a flat target, which the fit itself reaches where the
+    target is seen nearly squarely; None if there is none."""
 
     @property
     def margin(self) -> float:
@@ -95,8 +96,11 @@ def estimate_pose(
     ranked = sorted(fits, key=lambda fit: fit.cost)
     if not ranked:
         return None
-    others = (fit for fit in ranked[1:] if is_other(ranked[0], fit))
-    return PoseEstimate(ranked[0], next(others, None))
+    others = [fit for fit in ranked[1:] if is_other(ranked[0], fit)]
+    if not others and is_flat(points_m):
+        mirrored = mirrored_pose(ranked[0].world_from_camera, points_m)
+        others = [fit for fit in [fit_at(camera, mirrored, seen)] if is_other(ranked[0], fit)]
+    return PoseEstimate(ranked[0], others[0] if others else None)
 
 
 def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) -> PoseFit:
@@ -113,8 +117,31 @@ def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) 
         return np.asarray((values[1:] - values[0]).T / STEP)
 
     fit = least_squares(errors, np.zeros(6), slopes, method="lm", xtol=1e-7, ftol=1e-7, gtol=1e-7)
-    pose = moved(world_from_camera, fit.x)
-    return PoseFit(pose, seen.xy - camera.project(transform(invert(pose), seen.centers_m)), float(fit.cost))
+    return fit_at(camera, moved(world_from_camera, fit.x), seen)
+
+
+def fit_at(camera: Camera, world_from_camera: Pose, seen: Correspondences) -> PoseFit:
+    """Return how well a pose explains markers, as it is."""
+    errors = Residuals.of(camera, seen).at(world_from_camera[None])[0]
+    gaps = seen.xy - camera.project(transform(invert(world_from_camera), seen.centers_m))
+    return PoseFit(world_from_camera, gaps, float(errors @ errors / 2))
+
+
+def mirrored_pose(world_from_camera: Pose, points_m: NDArray[np.float64]) -> Pose:
+    """Return the pose that sees flat points (k, 3) tilted as much the other way.
+
+    Without perspective both give the same image: the points' normal is reflected at the line of sight to their middle.
+    """
+    frame, _ = _principal_frame(points_m)
+    camera_from_points = invert(world_from_camera) @ frame
+    normal, middle = camera_from_points[:3, 2], camera_from_points[:3, 3]
+    sight = middle / np.linalg.norm(middle)
+    axis = np.cross(normal, sight)
+    angle = 2 * np.arctan2(np.linalg.norm(axis), normal @ sight)
+    angle = angle - 2 * np.pi if angle > np.pi else angle  # the normal may point away from the camera
+    turn = cv2.Rodrigues(angle * axis / max(float(np.linalg.norm(axis)), 1e-12))[0]
+    mirrored = compose(turn @ camera_from_points[:3, :3], middle)
+    return np.asarray(frame @ invert(mirrored))
 
 
 def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
@@ -221,11 +248,11 @@ def _shape_errors(affinity: NDArray[np.float64], expected: NDArray[np.float64]) 
 
 def candidate_poses(camera: Camera, xy: NDArray[np.float64], points_m: NDArray[np.float64]) -> list[Pose]:
     """Return OpenCV's poses: both of a flat target, else SQPnP's."""
-    flat_frame, spread = _principal_frame(points_m)
-    is_flat = spread[2] < 1e-6 * spread[0]
-    target = transform(invert(flat_frame), points_m) * ([1, 1, 0] if is_flat else [1, 1, 1])
+    flat_frame, _ = _principal_frame(points_m)
+    flat = is_flat(points_m)
+    target = transform(invert(flat_frame), points_m) * ([1, 1, 0] if flat else [1, 1, 1])
     rays = camera.unproject(xy)
-    for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP) if is_flat else (cv2.SOLVEPNP_SQPNP,):
+    for flag in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_SQPNP) if flat else (cv2.SOLVEPNP_SQPNP,):
         solved = cv2.solvePnPGeneric(target, rays[:, :2] / rays[:, 2:], np.eye(3), None, flags=flag)
         count, rotations, shifts = solved[:3]
         poses = [
@@ -235,6 +262,12 @@ def candidate_poses(camera: Camera, xy: NDArray[np.float64], points_m: NDArray[n
         if finite:
             return [flat_frame @ invert(pose) for pose in finite]
     return []
+
+
+def is_flat(points_m: NDArray[np.float64]) -> bool:
+    """Return whether points (k, 3) lie in a plane."""
+    spread = _principal_frame(points_m)[1]
+    return bool(spread[2] < 1e-6 * spread[0])
 
 
 def _principal_frame(points_m: NDArray[np.float64]) -> tuple[Pose, Values]:
