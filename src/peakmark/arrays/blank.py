@@ -1,5 +1,6 @@
 """Whether an array's blank corner is bare paper: a marker that was missed, or something in front, looks otherwise."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +9,9 @@ from peakmark.arrays.lattice import Cell, Lattice, MarkerShapes, expected
 TOLERANCE = 0.25
 """Difference from white, and spread, that bare paper may show, in the contrast of the array's own markers. Set by
 hand: paper passes beside markers of any size and code, a missed marker or something in front does not (its tests)."""
+
+_BLUR = 0.06
+"""Of the image before it is sampled, in sides, so that its noise does not count."""
 
 _CELL = np.linspace(-0.5, 0.5, 11)
 """Sampled positions along a whole cell, in steps of the lattice."""
@@ -21,9 +25,11 @@ def is_blank(gray: NDArray[np.uint8], markers: MarkerShapes, lattice: Lattice, b
 
     `gray` (H, W) is the image in which the markers were found, `pitch` the distance of neighbours' centres in sides.
     """
-    printed = _levels(gray, markers, lattice, np.array(list(lattice.cells)), _CELL)
+    side_px = float(np.median(markers.sizes[list(lattice.members)]))
+    soft = np.asarray(cv2.GaussianBlur(gray, (0, 0), max(_BLUR * side_px, 0.1)), dtype=np.uint8)
+    printed = _levels(soft, markers, lattice, np.array(list(lattice.cells)), _CELL)
     black, white = np.percentile(printed, [2, 95])
-    bare = _levels(gray, markers, lattice, np.array([blank]), _INNER / pitch)
+    bare = _levels(soft, markers, lattice, np.array([blank]), _INNER / pitch)
     allowed = TOLERANCE * max(white - black, 1.0)
     return bool(abs(bare.mean() - white) <= allowed and bare.std() <= allowed)
 

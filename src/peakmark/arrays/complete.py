@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.arrays.lattice import SIZE_RATIO, MarkerShapes
-from peakmark.arrays.look import AROUND, Sighting, look_around
+from peakmark.arrays.look import AROUND, Sighting, correlation_at, look_around, probability_of
 from peakmark.identification.detection import Detection, pattern_name
 from peakmark.refine.api import refine
 
@@ -70,6 +70,7 @@ def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
     """Return what is seen as a detection, aligned with the printed pattern where that succeeds near."""
     fit = refine(gray, [sighting.xy], sighting.side_px, pattern_name(sighting.polarity, "energy"))
     near = bool(fit.converged[0]) and np.linalg.norm(fit.xy[0] - sighting.xy) < SAME_PLACE / 2 * sighting.side_px
+    aligned = correlation_at(gray, fit.xy[0], fit.affine[0], sighting.polarity) if near else -1.0
     return Detection(
         id=-1,
         xy=fit.xy[0] if near else sighting.xy,
@@ -80,7 +81,7 @@ def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
         rank=0,
         affinity=fit.affine[0] if near else sighting.affinity,
         explained=float(fit.explained[0]) if near else None,
-        probability=sighting.probability,
+        probability=probability_of(max(aligned, sighting.correlation)),
     )
 
 

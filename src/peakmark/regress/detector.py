@@ -2,7 +2,8 @@
 
 | name | what it finds |
 |---|---|
-| markers | SURF markers, light and dark, by `peakmark.identify` |
+| identify | SURF markers, light and dark, by `peakmark.identify(image)`, which searches everywhere |
+| markers | the same in one stretch of a floor, by its rule "joint" |
 | cave-markers | the same by the classifier of the CAVE, for dense posters |
 | aruco, aruco:DICT_… | ArUco tags of OpenCV, 4×4 with 50 codes or another dictionary |
 | apriltag | AprilTag 36h11, by OpenCV |
@@ -98,8 +99,10 @@ def built_in_detector(settings: DetectorSettings) -> FrameDetector:
     name, _, dictionary = settings.name.partition(":")
     if name == "markers":
         return partial(_find_markers, settings.stretch, settings.parameters)
-    if settings.parameters and (name == "cave-markers" or name in TAGS):
+    if settings.parameters and (name in ("identify", "cave-markers") or name in TAGS):
         raise InputError(f"detector {name}: expected no parameters, got {', '.join(settings.parameters)}")
+    if name == "identify":
+        return lambda image: Found(Keypoints.empty(), identification.identify(image))
     if name == "cave-markers":
         return _find_by_classifier
     if name in TAGS:
@@ -108,7 +111,7 @@ def built_in_detector(settings: DetectorSettings) -> FrameDetector:
         settings_of(name, settings.parameters)  # refuses those that it does not take
         detector = find_detector(name)
         return lambda image: Found(strongest_first(detector(image, **settings.parameters)), None)
-    known = ", ".join(("markers", "cave-markers", *TAGS, *NAMES, "cv2:NAME", "module:function"))
+    known = ", ".join(("identify", "markers", "cave-markers", *TAGS, *NAMES, "cv2:NAME", "module:function"))
     raise InputError(f"detector: expected one of {known} or exec:PROGRAM, got {name!r}")
 
 

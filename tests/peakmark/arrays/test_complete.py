@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from peakmark import decode_arrays
+from peakmark.arrays.complete import CLEAR
+from peakmark.arrays.look import look_around
 from peakmark.identification.detection import Detection
 from peakmark.markers.array_code import Layout
 from tests.peakmark.arrays.arrays_scene import facing_wall
@@ -46,6 +48,32 @@ def test_a_covered_marker_leaves_its_array_unsure(hidden: int, level: int) -> No
         assert {id(d) for d in array.detections} == {id(d) for d in rest}
     else:  # a disc as large as this may be taken for a marker, but not be relied on
         assert array.doubt == "a marker is unclear"
+
+
+@pytest.mark.parametrize("code", [0, 7])
+@pytest.mark.parametrize("edge", ["left", "top", "right", "bottom"])
+def test_a_marker_of_which_an_edge_is_covered_is_read(code: int, edge: str) -> None:
+    pose = facing_wall(0.6, 0, 0, 0)
+    image, members = view(paper(code), pose), true_detections(code, pose)
+    x, y = members[2].xy
+    side = members[2].size
+    across, down = np.meshgrid(np.arange(image.shape[1]) - x, np.arange(image.shape[0]) - y)
+    beyond = {"left": -across, "right": across, "top": -down, "bottom": down}[edge]
+    image[(beyond > 0.4 * side) & (np.hypot(across, down) < 0.72 * side)] = 110
+    (array,) = decode_arrays(members[:2], image=image)
+    assert (array.code, array.doubt) == (code, "")
+    assert np.linalg.norm(array.detections[2].xy - members[2].xy) < 0.05 * side
+
+
+@pytest.mark.parametrize("side_px", [20, 40])
+@pytest.mark.parametrize("is_round", [True, False])
+@pytest.mark.parametrize("reach", np.arange(0.15, 0.8, 0.1))
+def test_a_blob_in_the_place_of_a_marker_is_no_clear_bit(side_px: float, is_round: bool, reach: float) -> None:
+    x, y = np.meshgrid(np.arange(200) - 100 - 1.5 * side_px, np.arange(160) - 80)
+    radius = np.hypot(x, y) if is_round else np.maximum(np.abs(x), np.abs(y))
+    image = (255 * (1 - np.clip(reach * side_px - radius + 0.5, 0, 1))).astype(np.uint8)
+    around = look_around(image, np.array([100.0, 80.0]), side_px * np.eye(2), 1.5)
+    assert around[1, 0].probability < CLEAR
 
 
 @pytest.mark.parametrize(("factor", "count"), [(0.8, 0), (1.0, 1), (1.2, 0)])

@@ -89,7 +89,7 @@ def test_markers_by_the_classifier_of_the_cave() -> None:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"name": "yolo"}, "detector: expected one of markers, .* got 'yolo'"),
+        ({"name": "yolo"}, "detector: expected one of identify, markers, .* got 'yolo'"),
         ({"name": "aruco:4X4"}, "expected a dictionary of cv2.aruco such as DICT_4X4_50, got '4X4'"),
         ({"name": "aruco:DICT_NONE"}, "expected a dictionary of cv2.aruco"),
         ({"name": "cave-markers", "parameters": {"octaves": 2}}, "cave-markers: expected no parameters, got octaves"),
