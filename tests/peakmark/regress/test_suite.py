@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from peaksim.corpus import load_spec
 from peaksim.corpus.check_spec import check_spec
 
 from peakmark.errors import InputError
@@ -76,3 +77,11 @@ def test_what_is_no_suite_is_one_line(tmp_path: Path, old: str, new: str, words:
 def test_a_suite_that_is_not_there_is_one_line() -> None:
     with pytest.raises(InputError, match="nowhere"):
         load_suite("nowhere")
+
+
+@pytest.mark.parametrize("name", ["traced", "warped"])
+def test_suites_of_other_images_take_their_frames_from_the_corpora_that_ship(name: str) -> None:
+    suite = load_suite(name)
+    corpus = load_spec(suite.folder / f"corpus_{name}.toml", frames=60)
+    assert suite.detector().name == "identify"
+    assert suite.table.corpus.model_copy(update={"store": corpus.store}) == corpus
