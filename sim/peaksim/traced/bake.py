@@ -31,7 +31,7 @@ from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import WHITE
 from peaksim.scene.scene import Quad, Scene
 from peaksim.scene.texture import Texture
-from peaksim.traced.inside import is_inside
+from peaksim.traced.inside import is_inside, is_inside_many
 from peaksim.traced.integrate import MAX_DEPTH, STEPS
 from peaksim.traced.library import Tools, tools_for
 from peaksim.traced.shapes import Traceable, lifts_m, traceable
@@ -51,6 +51,8 @@ _LAMP, _PENUMBRA, _SKY, _INDIRECT = 128, 512, 512, 512
 _TEXELS_AT_ONCE = 1 << 20
 _PAIRS_AT_ONCE = 1 << 18
 _LEAST_LIFT_M = 1e-4
+_MANY_FACES = 200
+"""Meshes of more faces are asked by rays whether a texel is inside."""
 _NEAR_M = 5e-3
 """Quads this close before another one, such as posters, do not darken what they cover: it shows only beside them."""
 
@@ -366,6 +368,9 @@ def _is_inside_solid(scene: Scene, texels: Texels) -> NDArray[np.float32]:
         corners = mesh.triangles_m.reshape(-1, 3)
         near = ((points > corners.min(axis=0)) & (points < corners.max(axis=0))).all(axis=1)
         some = np.flatnonzero(near)
+        if len(mesh.faces) > _MANY_FACES:
+            inside[some] |= is_inside_many(mesh.triangles_m, points[some].astype(np.float64))
+            continue
         for part in np.array_split(some, len(some) * len(mesh.faces) // _PAIRS_AT_ONCE + 1):
             inside[part] |= is_inside(mesh.triangles_m, points[part])
     return inside[:, None].astype(np.float32)

@@ -3,9 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peaksim.area.rays import build_tree, first_faces
 from peaksim.errors import SceneError
 from peaksim.scene.lamps import AreaLight
 from peaksim.scene.scene import Light, Scene
+
+_DIRECTIONS = np.array([[1.0, 0.011, 0.023], [0.017, 1.0, 0.013], [0.019, 0.007, 1.0]])
+"""Near the axes, but along no side of a box."""
 
 
 def check_lights(scene: Scene, eye_m: NDArray[np.float64]) -> None:
@@ -26,6 +30,21 @@ def check_lights(scene: Scene, eye_m: NDArray[np.float64]) -> None:
         for mesh in scene.meshes:
             if is_inside(mesh.triangles_m, position) and not is_inside(mesh.triangles_m, eye_m):
                 raise SceneError(f"lights[{k}]: expected a light outside of mesh {mesh.name!r}, got one inside it")
+
+
+def is_inside_many(triangles_m: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (n,) whether rays from points in six directions all meet (m, 3, 3) triangles from within.
+
+    For closed meshes of many faces, this is `is_inside` in far less time.
+    """
+    solids = build_tree(triangles_m, np.zeros(len(triangles_m), dtype=bool), np.arange(len(triangles_m)))
+    normals = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
+    inside = np.arange(len(points_m))
+    for direction in np.concatenate([_DIRECTIONS, -_DIRECTIONS]):
+        rays = np.broadcast_to(direction, (len(inside), 3))
+        found, _ = first_faces(solids, points_m[inside], rays)
+        inside = inside[(found >= 0) & (normals[found] @ direction > 0)]
+    return np.isin(np.arange(len(points_m)), inside)
 
 
 def is_inside(triangles_m: NDArray[np.float64], points_m: ArrayLike) -> NDArray[np.bool_]:

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 from peaksim import Camera, Light, Scene, render
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import look_at
 from peaksim.scene.lamps import AreaLight
-from peaksim.traced.inside import is_inside
+from peaksim.traced.inside import is_inside, is_inside_many
 
 from tests.peaksim.scene.boxes import cube
 from tests.peaksim.traced.helpers import needs_tracing
@@ -41,3 +42,13 @@ def test_a_lamp_inside_a_mesh_is_not_baked_either() -> None:
 @pytest.mark.parametrize("light", LIGHTS, ids=["point", "area"])
 def test_from_within_the_mesh_it_lights(light: Light | AreaLight) -> None:
     assert render(Scene((), (cube(1.0),), (light,)), CAMERA, INSIDE, "traced").linear.min() > 0
+
+
+def test_rays_tell_the_same_for_meshes_of_many_faces() -> None:
+    ball = trimesh.creation.icosphere(3, 0.5)
+    triangles = np.asarray(ball.vertices)[np.asarray(ball.faces)]
+    points = np.random.default_rng(0).uniform(-0.7, 0.7, (2000, 3))
+    inside = is_inside_many(triangles, points)
+    assert np.array_equal(inside, is_inside(triangles, points))
+    assert 0.1 < inside.mean() < 0.5
+    assert not is_inside_many(triangles[: len(triangles) // 2], points).any()  # a shell is open
