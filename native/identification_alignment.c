@@ -6,7 +6,8 @@
 #include "linear.h"
 #include "refine_align.h"
 
-enum { MOST_KNOTS = 13, MOST_ROWS = MOST_KNOTS + 3, MOST_PIXELS = 3000 };
+enum { MOST_KNOTS = 13, MOST_ROWS = MOST_KNOTS + 3, MOST_PIXELS = 1500, CELLS = 11, CELLS_A_SIDE = 9 };
+static const double FINE_SIDE = 45; /* px, of markers of which every pixel is counted in cells; of larger ones every second, … */
 
 static double dot(const double *a, const double *b, int64_t n) {
     double4 lanes = {0};
@@ -31,12 +32,12 @@ static void leave(const double *basis, int64_t k, const double *values, int64_t 
         for (int64_t i = 0; i < n; i++) left[i] -= weights[a] * basis[a * n + i];
 }
 
-/* The correlation of two columns over the chosen rows; 0 over five or fewer. */
-static double correlation_of(const double *a, const double *b, const bool *chosen, int64_t n) {
+/* The correlation of two columns over the chosen rows; `unknown` over `few` or fewer. */
+static double correlation_of(const double *a, const double *b, const bool *chosen, int64_t n, int few, double unknown) {
     double count = 0, sum_a = 0, sum_b = 0, aa = 0, bb = 0, ab = 0;
     for (int64_t i = 0; i < n; i++)
         if (chosen[i]) count++, sum_a += a[i], sum_b += b[i];
-    if (count <= 5) return 0;
+    if (count <= few) return unknown;
     for (int64_t i = 0; i < n; i++)
         if (chosen[i]) {
             double x = a[i] - sum_a / count, y = b[i] - sum_b / count;
@@ -76,8 +77,10 @@ static void fill_basis(const columns *c, const pixels *chosen, const double *the
     }
 }
 
-/* The least correlations: of eight halves and quadrants, and of what is not radial in a quadrant. */
-static void fill_parts(const columns *c, double *of_parts, double *of_quadrants) {
+/* The least correlations: of eight halves and quadrants, and of what is not radial in a quadrant; those that something
+   covers are left out. */
+static void fill_parts(const columns *c, bool is_covered, double *of_parts, double *of_quadrants) {
+    int few = is_covered ? 20 : 5;
     *of_parts = *of_quadrants = 1;
     for (int part = 0; part < 8; part++) {
         bool is_right = part % 2 == 0, is_lower = part / 2 % 2 == 0;
@@ -85,20 +88,39 @@ static void fill_parts(const columns *c, double *of_parts, double *of_quadrants)
             double a = part < 4 ? c->u[i] : c->u[i] + c->v[i], b = part < 4 ? c->v[i] : c->u[i] - c->v[i];
             c->chosen[i] = (a >= 0) == is_right && (b >= 0) == is_lower;
         }
-        *of_parts = lesser(correlation_of(c->values, c->predicted, c->chosen, c->n), *of_parts);
+        *of_parts = lesser(correlation_of(c->values, c->predicted, c->chosen, c->n, few, is_covered), *of_parts);
         if (part < 4)
-            *of_quadrants = lesser(correlation_of(c->round, c->predicted_round, c->chosen, c->n), *of_quadrants);
+            *of_quadrants = lesser(correlation_of(c->round, c->predicted_round, c->chosen, c->n, few, is_covered), *of_quadrants);
     }
+}
+
+static void residuals_of(model *m, const double *theta, const pixels *chosen, double *jacobian, double *r) {
+    prepare(m, theta);
+    for (int64_t first = 0; first < chosen->count; first += TILE)
+        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, least(TILE, chosen->count - first),
+                     r + first, jacobian, TILE);
+}
+
+/* Leave out the pixels that something covers: whose residual is above twice the model's cut. Returns the share that stays. */
+static double drop_covered(model *m, const double *theta, double *jacobian, double *r, int32_t *xy, float *levels,
+                           pixels *chosen) {
+    int64_t kept = 0, count = chosen->count;
+    if (!(m->cut > 0)) return 1;
+    residuals_of(m, theta, chosen, jacobian, r);
+    for (int64_t i = 0; i < count; i++)
+        if (fabs(r[i]) <= 2 * m->cut) {
+            xy[2 * kept] = xy[2 * i], xy[2 * kept + 1] = xy[2 * i + 1];
+            levels[kept++] = levels[i];
+        }
+    *chosen = (pixels){xy, levels, kept};
+    return (double)kept / (double)most(count, 1);
 }
 
 static void measure(model *m, const double *theta, const pixels *chosen, const columns *c, const double *knots,
                     int64_t knot_count, double *jacobian, double *figures) {
     int64_t rows = 3 + knot_count;
     fill_basis(c, chosen, theta, m->anchor, knots, knot_count);
-    prepare(m, theta);
-    for (int64_t first = 0; first < c->n; first += TILE)
-        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, least(TILE, c->n - first), c->r + first,
-                     jacobian, TILE);
+    residuals_of(m, theta, chosen, jacobian, c->r);
     for (int64_t i = 0; i < c->n; i++) c->predicted[i] = c->values[i] - c->r[i];
     leave(c->basis, 3, c->values, c->n, c->flat);
     leave(c->basis, rows, c->values, c->n, c->round);
@@ -107,12 +129,55 @@ static void measure(model *m, const double *theta, const pixels *chosen, const c
     figures[3] = dot(c->r, c->r, c->n);
     figures[4] = dot(c->round, c->predicted_round, c->n) /
                  sqrt(greater(figures[2] * dot(c->predicted_round, c->predicted_round, c->n), 1e-9));
-    fill_parts(c, figures + 5, figures + 6);
+    fill_parts(c, m->cut > 0, figures + 5, figures + 6);
+}
+
+/* Pixels on their way into cells, up to a tile of them. */
+typedef struct {
+    int64_t count, cells[TILE];
+    int32_t xy[2 * TILE];
+    float levels[TILE];
+} counted;
+
+static void count_up(model *m, const double *theta, counted *tile, double *sums, double *counts) {
+    double r[TILE], jacobian[LIT * TILE];
+    compare_tile(m, theta, tile->xy, tile->levels, tile->count, r, jacobian, TILE);
+    for (int64_t i = 0; i < tile->count; i++) sums[tile->cells[i]] += r[i] / theta[8], counts[tile->cells[i]]++;
+    tile->count = 0;
+}
+
+static int64_t cell_at(double u, double reach) { return most(0, least(CELLS - 1, (int64_t)((u + reach) * CELLS_A_SIDE))); }
+
+/* A position as a pixel's, inside the image; 0 if it is none. */
+static int64_t nearest_pixel(double position, int64_t length) {
+    return position > 0 ? (int64_t)lesser(position, (double)(length - 1)) : 0;
+}
+
+/* Sums of residuals over gain in 11 × 11 cells, the outermost beyond the pattern, and how many pixels are in each. */
+static void fill_cells(model *m, const uint8_t *gray, int64_t height, int64_t width, const double *theta, double *sums,
+                       double *counts) {
+    double reach = (double)CELLS / CELLS_A_SIDE / 2, side = sqrt(fabs(theta[2] * theta[5] - theta[3] * theta[4]));
+    double half_x = 1.3 * reach * (fabs(theta[2]) + fabs(theta[3])) + 1, half_y = 1.3 * reach * (fabs(theta[4]) + fabs(theta[5])) + 1;
+    int64_t step = most(1, nearest_pixel(side / FINE_SIDE, most(height, width)));
+    int64_t left = nearest_pixel(theta[0] - half_x, width), right = nearest_pixel(theta[0] + half_x, width);
+    int64_t top = nearest_pixel(theta[1] - half_y, height), bottom = nearest_pixel(theta[1] + half_y, height);
+    counted tile = {.count = 0};
+    prepare(m, theta);
+    for (int64_t y = top; y <= bottom; y += step)
+        for (int64_t x = left; x <= right; x += step) {
+            pattern_view at = pattern_point(theta, (double)x, (double)y);
+            if (!(at.w > 0.05 && fabs(at.u) < reach && fabs(at.v) < reach)) continue;
+            tile.xy[2 * tile.count] = (int32_t)x, tile.xy[2 * tile.count + 1] = (int32_t)y;
+            tile.levels[tile.count] = gray[y * width + x];
+            tile.cells[tile.count++] = cell_at(at.v, reach) * CELLS + cell_at(at.u, reach);
+            if (tile.count == TILE) count_up(m, theta, &tile, sums, counts);
+        }
+    count_up(m, theta, &tile, sums, counts);
 }
 
 /* Choose pixels and read them straight from the image: the marker may be as large as it. */
 static status read_bytes(const model *m, const uint8_t *gray, int64_t height, int64_t width, const double *theta,
-                         memory *taken, pixels *chosen) {
+                         memory *taken, int32_t **pixel_xy, float **pixel_levels, pixels *chosen) {
     int64_t room = pixels_around(m, theta, height, width);
     int32_t *xy = take(taken, 2 * room, sizeof *xy);
     bool *near = take(taken, room, sizeof *near);
@@ -122,26 +187,36 @@ static status read_bytes(const model *m, const uint8_t *gray, int64_t height, in
     if (!levels) return OUT_OF_MEMORY;
     for (int64_t i = 0; i < count; i++) levels[i] = gray[xy[2 * i + 1] * width + xy[2 * i]];
     *chosen = (pixels){xy, levels, count};
+    *pixel_xy = xy, *pixel_levels = levels;
     return DONE;
 }
 
 EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t width, const double *theta,
                                 const double *center, double size, const double *lines, int64_t line_count,
                                 const int64_t *index, int64_t intervals, const double *base, int64_t base_count,
-                                double extent, const double *knots, int64_t knot_count, double *figures) {
+                                double extent, const double *knots, int64_t knot_count, double cut, double *figures,
+                                double *sums, double *counts) {
     if (line_count > MOST_LINES || base_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     if (knot_count > MOST_KNOTS) return TOO_LARGE;
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
-               .base_count = base_count, .extent = extent, .anchor = {center[0], center[1], size}};
+               .base_count = base_count, .extent = extent, .anchor = {center[0], center[1], size}, .cut = cut};
     memory taken = {.count = 0};
     pixels chosen;
     columns c;
     double jacobian[LIT * TILE];
-    memset(figures, 0, 7 * sizeof *figures);
-    status state = read_bytes(&m, gray, height, width, theta, &taken, &chosen);
+    int32_t *xy;
+    float *levels;
+    memset(figures, 0, 8 * sizeof *figures);
+    memset(sums, 0, CELLS * CELLS * sizeof *sums);
+    memset(counts, 0, CELLS * CELLS * sizeof *counts);
+    status state = read_bytes(&m, gray, height, width, theta, &taken, &xy, &levels, &chosen);
+    double *r = state == DONE ? take(&taken, chosen.count, sizeof *r) : NULL;
+    if (state == DONE && !r) state = OUT_OF_MEMORY;
+    if (state == DONE) figures[7] = drop_covered(&m, theta, jacobian, r, xy, levels, &chosen);
     if (state == DONE && chosen.count >= MIN_PIXELS) {
         state = take_columns(&c, chosen.count, 3 + knot_count, &taken);
         if (state == DONE) measure(&m, theta, &chosen, &c, knots, knot_count, jacobian, figures);
+        if (state == DONE) fill_cells(&m, gray, height, width, theta, sums, counts);
     }
     give_back(&taken);
     return state;

@@ -7,9 +7,10 @@
 #include "refine_align.h"
 
 /* As align.py explains. */
-enum { SOFT_PIXELS = 250 };
+enum { SOFT_PIXELS = 250, GROUP = 24, MOST_GROUPS = 64, BEST_GROUPS = 3 };
 static const double MIN_BLUR = 1e-3, RIDGE = 1e-9, CLEAR = 0.01, PERFECT = 1e-4, NOISE_FLOOR = 1.0 / 12;
-static const double CENTER_SPREAD = 0.1, SHAPE_SPREAD = 0.25;
+static const double CENTER_SPREAD = 0.1, SHAPE_SPREAD = 0.25, SOFT_TONE_SPREAD = 0.15;
+static const double SOFTENED = 0.1406, TWICE_SOFTENED = 0.0748; /* shares of a pixel's variance that are left */
 
 /* ---- the image around a position ---- */
 
@@ -97,6 +98,7 @@ status set_coarse(coarse *search, const double *samples, const double *expected,
     if (count > MOST_SAMPLES || shape_count < 1) return TOO_LARGE;
     *search = (coarse){.padded = (count + 7) / 8 * 8, .count = (double)count, .shapes = shapes,
                        .shape_count = shape_count, .has_plane = has_plane};
+    if (has_plane && shape_count % GROUP == 0) search->group = GROUP;
     for (int64_t i = 0; i < count; i++) {
         search->u[i] = (float)samples[2 * i], search->v[i] = (float)samples[2 * i + 1];
         search->expected[i] = (float)expected[i], search->used[i] = 1;
@@ -145,19 +147,53 @@ static double correlation(const coarse *search, const float *values) {
     return sum8(product) / sqrt(greater(variance, search->has_plane ? 1e-6 : 1e-9));
 }
 
+/* The best of some shapes so far. */
+typedef struct {
+    int64_t shape;
+    double score;
+} best_of;
+
+static best_of better(const coarse *search, picture image, const double *center, double size, float level, int64_t shape,
+                      best_of best) {
+    float values[MOST_SAMPLES];
+    sample(search, image, center, search->shapes + 4 * shape, size, level, values);
+    double score = correlation(search, values);
+    return score > best.score ? (best_of){shape, score} : best;
+}
+
+/* Of each group every other size of every third rotation is tried, then all shapes of the best groups. */
+static best_of best_in_groups(const coarse *search, picture image, const double *center, double size, float level,
+                              int64_t first, int64_t count) {
+    best_of groups[MOST_GROUPS], best = {first, -INFINITY};
+    int64_t group_count = least(count / search->group, MOST_GROUPS);
+    for (int64_t g = 0; g < group_count; g++) {
+        groups[g] = best;
+        for (int64_t k = 1; k < search->group; k += k % 2 ? 1 : 11) /* 1, 2; 13, 14: see shape_grid */
+            groups[g] = better(search, image, center, size, level, first + g * search->group + k, groups[g]);
+    }
+    for (int n = 0; n < BEST_GROUPS && n < group_count; n++) {
+        int64_t g = 0;
+        for (int64_t k = 1; k < group_count; k++)
+            if (groups[k].score > groups[g].score) g = k;
+        groups[g].score = -INFINITY;
+        for (int64_t k = 0; k < search->group; k++)
+            best = better(search, image, center, size, level, first + g * search->group + k, best);
+    }
+    return best;
+}
+
 /* The shape of `count` from `first` on whose view of the pattern correlates best with the image, and that correlation. */
 int64_t best_shape(const coarse *search, picture image, const double *center, double size, int64_t first, int64_t count,
                    double *score) {
-    int64_t best = first;
     int64_t x = inside(center[0], image.width - 1), y = inside(center[1], image.height - 1);
-    float values[MOST_SAMPLES], level = image.levels[y * image.width + x];
-    *score = -INFINITY;
-    for (int64_t k = first; k < first + count; k++) {
-        sample(search, image, center, search->shapes + 4 * k, size, level, values);
-        double found = correlation(search, values);
-        if (found > *score) best = k, *score = found;
-    }
-    return best;
+    float level = image.levels[y * image.width + x];
+    best_of best = {first, -INFINITY};
+    if (search->group > 0 && count > search->group)
+        best = best_in_groups(search, image, center, size, level, first, count);
+    else
+        for (int64_t k = first; k < first + count; k++) best = better(search, image, center, size, level, k, best);
+    *score = best.score;
+    return best.shape;
 }
 
 /* ---- Levenberg–Marquardt ---- */
@@ -196,18 +232,26 @@ static bool posterior(const equations *sums, const double *theta, const prior *b
     return is_finite;
 }
 
-static double noise_of(double squares, int64_t n) { return greater(squares / (double)most(n - PLAIN, 1), NOISE_FLOOR); }
+static double noise_of(const equations *sums) {
+    return greater(sums->squares / greater(sums->weight - PLAIN, 1), NOISE_FLOOR);
+}
+
+/* Let blur along a direction leave blur across it. */
+static void bound_blur(double *theta) {
+    double most_apart = greater(theta[10] - MIN_BLUR, 0), apart = sqrt(theta[16] * theta[16] + theta[17] * theta[17]);
+    if (apart > most_apart) theta[16] *= most_apart / apart, theta[17] *= most_apart / apart;
+}
 
 /* Solve Jᵀr / noise = precision (θ − mean), the noise being the residuals' own mean square; see gauss_newton. */
 fitted fit(model *m, const pixels *chosen, const double *start, const prior *before, patience limits) {
     int64_t n = m->parameters;
-    fitted result = {{0}, 0, false};
+    fitted result = {.length = INFINITY};
     memcpy(result.theta, start, (size_t)n * sizeof *start);
     if (chosen->count < MIN_PIXELS) return result;
     equations here, there;
     double damping = 1e-3, slope[LIT], hessian[LIT * LIT], step[LIT], trial[LIT];
     add_up(m, result.theta, chosen, before->used, &here);
-    result.noise = noise_of(here.squares, chosen->count);
+    result.noise = noise_of(&here);
     for (int64_t i = 0; i < limits.steps; i++) {
         if (!posterior(&here, result.theta, before, n, result.noise, damping, slope, hessian)) {
             result.converged = false;
@@ -215,6 +259,7 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
         }
         double length = damped_step(hessian, slope, n, before->used[10], result.theta[10], step);
         for (int64_t k = 0; k < n; k++) trial[k] = result.theta[k] + step[k];
+        if (n == LIT) bound_blur(trial);
         add_up(m, trial, chosen, before->used, &there);
         result.converged = false;
         if (!(there.squares <= 1.2 * here.squares)) {
@@ -223,8 +268,10 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
         }
         memcpy(result.theta, trial, sizeof trial);
         here = there;
-        result.noise = noise_of(here.squares, chosen->count);
+        result.noise = noise_of(&here);
         damping /= 30;
+        result.share = here.weight / (double)chosen->count;
+        result.length = length;
         result.converged = length < limits.converged;
         if (length < limits.enough) break;
     }
@@ -293,7 +340,8 @@ static void set_light(picture image, double *theta) {
 
 /* Find the best fit to the softened image, and its noise over gain²; see soft_fit. */
 status fit_softly(model *m, const surroundings *around, const double *center, double size, const coarse *search,
-                  const prior *before, double hopeless, fitted *best, double *ratio, memory *taken) {
+                  const prior *before, double sigma, double hopeless, fitted *best, double *ratio, memory *taken) {
+    bool is_lit = m->parameters == LIT;
     bool is_large = size > LEVEL_SIDE;
     picture soft = is_large ? softened_picture(around->soft, taken) : around->soft;
     if (!soft.levels) return OUT_OF_MEMORY;
@@ -302,17 +350,20 @@ status fit_softly(model *m, const surroundings *around, const double *center, do
     set_light(soft, start);
     here.precision[0] = here.precision[1] = 1 / (CENTER_SPREAD * size * CENTER_SPREAD * size);
     for (int k = 2; k < 6; k++) here.precision[k] = 1 / (SHAPE_SPREAD * size * SHAPE_SPREAD * size);
-    *best = (fitted){{0}, 0, false};
+    start[15] = before->mean[15];
+    if (is_lit) here.precision[15] = 1 / (SOFT_TONE_SPREAD * SOFT_TONE_SPREAD);
+    double expected = sigma * sigma * (is_large ? TWICE_SOFTENED : SOFTENED) / (double)(around->block * around->block);
+    *best = (fitted){.length = INFINITY};
     memcpy(best->theta, start, sizeof start);
     *ratio = INFINITY;
     for (int64_t part = 1; part <= 3; part += 2) {
         int64_t shape = best_shape(search, soft, center, size, 0, search->shape_count / part, &score);
-        for (int third = 0; third < 3; third++) {
+        for (int third = 0; third < 3 && !(is_lit && *ratio < CLEAR); third++) {
             fitted result;
             set_shape(start, search->shapes + 4 * shape, size, third);
             status state = fit_start(m, soft, around->level, is_large ? 1.0 : 0.5, start, &here, &result);
             if (state != DONE) return state;
-            double left = result.noise / (result.theta[8] * result.theta[8]);
+            double left = greater(result.noise - expected, 0) / (result.theta[8] * result.theta[8]);
             if (result.noise > 0 && result.theta[8] > 0 && left < *ratio) *best = result, *ratio = left;
         }
         if (*ratio < CLEAR || *ratio > hopeless) break;
@@ -326,42 +377,45 @@ static void use_all(prior *before) {
     for (int k = 0; k < LIT; k++) before->used[k] = true;
 }
 
-/* The covariance of fitted parameters, see `sandwich` in align.py. */
-static status fill_sandwich(model *m, const pixels *chosen, const double *theta, double noise, const double *precision,
-                            double *covariance, memory *taken) {
-    enum { N = PLAIN };
-    int64_t count = chosen->count;
+/* Write out (n, n) = a b of square matrices. */
+static void multiply(const double *a, const double *b, int64_t n, double *out) {
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++) {
+            double sum = 0;
+            for (int64_t k = 0; k < n; k++) sum += a[i * n + k] * b[k * n + j];
+            out[i * n + j] = sum;
+        }
+}
+
+/* The covariance (n, n) of fitted parameters, see `sandwich` in align.py; where the pixels do not tell it, it stays. */
+status fill_sandwich(model *m, const pixels *chosen, const double *theta, double noise, const double *precision,
+                     double *covariance, memory *taken) {
+    int64_t count = chosen->count, n = m->parameters;
     equations sums;
     prior everything;
-    double hessian[N * N], inverse[N * N] = {0}, middle[N * N] = {0}, half[N * N] = {0};
-    double *r = take(taken, count, sizeof *r), *jacobian = take(taken, N * count, sizeof *jacobian);
+    double hessian[LIT * LIT], inverse[LIT * LIT] = {0}, middle[LIT * LIT] = {0}, half[LIT * LIT];
+    double *r = take(taken, count, sizeof *r), *jacobian = take(taken, n * count, sizeof *jacobian);
     if (!r || !jacobian) return OUT_OF_MEMORY;
     use_all(&everything);
     add_up(m, theta, chosen, everything.used, &sums);
     for (int64_t first = 0; first < count; first += TILE)
         compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, least(TILE, count - first), r + first,
                      jacobian + first, count);
-    for (int k = 0; k < N * N; k++) hessian[k] = sums.hessian[k] / noise;
-    for (int k = 0; k < N; k++) hessian[k * N + k] += precision[k] + RIDGE, inverse[k * N + k] = 1;
-    if (!solve(hessian, N, inverse, N)) return DONE; /* the covariance stays nan */
+    for (int64_t k = 0; k < n * n; k++) hessian[k] = sums.hessian[k] / noise;
+    for (int64_t k = 0; k < n; k++) hessian[k * n + k] += precision[k] + RIDGE, inverse[k * n + k] = 1;
+    if (!solve(hessian, n, inverse, n)) return DONE;
     for (int64_t i = 0; i < count; i++) {
-        double j[N], leverage = 0;
-        for (int k = 0; k < N; k++) j[k] = jacobian[k * count + i];
-        for (int a = 0; a < N; a++)
-            for (int b = 0; b < N; b++) leverage += j[a] * inverse[a * N + b] * j[b];
+        double j[LIT], leverage = 0;
+        for (int64_t k = 0; k < n; k++) j[k] = jacobian[k * count + i];
+        for (int64_t a = 0; a < n; a++)
+            for (int64_t b = 0; b < n; b++) leverage += j[a] * inverse[a * n + b] * j[b];
         double own = r[i] / sqrt(1 - leverage / noise) / noise, weight = own * own;
-        for (int a = 0; a < N; a++)
-            for (int b = 0; b < N; b++) middle[a * N + b] += weight * j[a] * j[b];
+        for (int64_t a = 0; a < n; a++)
+            for (int64_t b = 0; b < n; b++) middle[a * n + b] += weight * j[a] * j[b];
     }
-    for (int k = 0; k < N; k++) middle[k * N + k] += precision[k];
-    for (int a = 0; a < N; a++)
-        for (int b = 0; b < N; b++)
-            for (int k = 0; k < N; k++) half[a * N + b] += inverse[a * N + k] * middle[k * N + b];
-    for (int a = 0; a < N; a++)
-        for (int b = 0; b < N; b++) {
-            covariance[a * N + b] = 0;
-            for (int k = 0; k < N; k++) covariance[a * N + b] += half[a * N + k] * inverse[k * N + b];
-        }
+    for (int64_t k = 0; k < n; k++) middle[k * n + k] += precision[k];
+    multiply(inverse, middle, n, half);
+    multiply(half, inverse, n, covariance);
     return DONE;
 }
 
@@ -373,7 +427,7 @@ static status align_plainly(model *m, const surroundings *around, const double *
                              (center[1] - (double)around->top - (block - 1) / 2) / block};
     prior before = {.precision = {[6] = precision, [7] = precision, [10] = HELD}};
     use_all(&before);
-    status state = fit_softly(m, around, local, size / block, search, &before, INFINITY, result, &ratio, taken);
+    status state = fit_softly(m, around, local, size / block, search, &before, 0, INFINITY, result, &ratio, taken);
     before.mean[10] = result->theta[10] = SHARP;
     if (state == DONE && around->block > 1)
         state = fit_picture(m, around->level, result->theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0}, result);
@@ -399,7 +453,7 @@ EXPORT status align(const uint8_t *gray, int64_t height, int64_t width, const do
     model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels, .extent = extent};
     coarse search;
     surroundings around;
-    fitted result = {{0}, 0, false};
+    fitted result = {.length = INFINITY};
     for (int k = 0; k < PLAIN * PLAIN; k++) covariance[k] = NAN;
     status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, false);
     if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
@@ -471,13 +525,13 @@ EXPORT status soft_fit(const float *image, int64_t height, int64_t width, const 
     surroundings around = {level, level, softened_picture(level, &taken), 0, 0, 1};
     coarse search;
     prior before = {.mean = {0}};
-    fitted result = {{0}, 0, false};
+    fitted result = {.length = INFINITY};
     double ratio;
     memcpy(before.precision, precision, PLAIN * sizeof *precision);
     use_all(&before);
     status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, false);
     if (state == DONE && !around.soft.levels) state = OUT_OF_MEMORY;
-    if (state == DONE) state = fit_softly(&m, &around, center, size, &search, &before, INFINITY, &result, &ratio, &taken);
+    if (state == DONE) state = fit_softly(&m, &around, center, size, &search, &before, 0, INFINITY, &result, &ratio, &taken);
     give_back(&taken);
     memcpy(theta, result.theta, PLAIN * sizeof *theta);
     return state;

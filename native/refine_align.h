@@ -23,6 +23,7 @@ typedef struct {
     float u[MOST_SAMPLES], v[MOST_SAMPLES], expected[MOST_SAMPLES], used[MOST_SAMPLES];
     const double *shapes; /* (shape_count, 2, 2) sides to multiples of the size */
     int64_t shape_count;
+    int64_t group;  /* shapes of one foreshortening that follow each other; 0 where all are tried */
     bool has_plane; /* a plane is taken out of the image first, so that a ramp of light costs nothing */
 } coarse;
 
@@ -50,7 +51,9 @@ typedef struct {
 
 typedef struct {
     double theta[LIT];
-    double noise; /* mean square of the residuals */
+    double noise;  /* mean square of the residuals */
+    double share;  /* mean weight of the pixels, 0…1 */
+    double length; /* of the last step that was taken, in standard deviations squared */
     bool converged;
 } fitted;
 
@@ -67,6 +70,8 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
 status fit_picture(model *m, picture image, const double *start, int64_t wanted, const prior *before, patience limits,
                    fitted *result);
 status fit_softly(model *m, const surroundings *around, const double *center, double size, const coarse *search,
-                  const prior *before, double hopeless, fitted *best, double *ratio, memory *taken);
+                  const prior *before, double sigma, double hopeless, fitted *best, double *ratio, memory *taken);
+status fill_sandwich(model *m, const pixels *chosen, const double *theta, double noise, const double *precision,
+                     double *covariance, memory *taken);
 
 #endif

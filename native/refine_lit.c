@@ -2,10 +2,18 @@
 
 #include <math.h>
 #include <string.h>
+#include "elementary.h"
 #include "refine_align.h"
 
 /* As lit.py explains. */
-static const double TONE_SPREAD = 0.5, GAIN_SPREAD = 0.5, OFFSET_SPREAD = 0.3, WORTH = 0.8, CORRELATED_SIDE = 12.0;
+static const double TONE = 0.35, TONE_SPREAD = 0.4, GAIN_SPREAD = 0.5, OFFSET_SPREAD = 0.3, MOTION_SPREAD = 0.2;
+enum { PART_PIXELS = 800, RAMP_PIXELS = 250 };
+static const double UNCLEAR = 0.012, RAMP_CENTER_SPREAD = 0.1, RAMP_SHAPE_SPREAD = 0.25, SOFTENED = 0.1406;
+static const double WORTH = 25, LOST = 0.12, CORRELATED_SIDE = 12.0;
+static const double COVERED_NOISE = 6, COVERED_SHARE = 0.006, CUT_SIGMAS = 3, CUT_SHARE = 0.08, LEAST_SHARE = 0.4, LEFT = 0.15;
+static const double FIRST_CUT = 4;
+
+static const patience LAST_FIT = {10, 1.0, 1e-2}, LONG_FIT = {25, 1.0, 1e-2};
 
 static double per_square(double spread) { return 1 / (spread * spread); }
 
@@ -19,34 +27,149 @@ static void set_anchor(model *m, double x, double y, double side) {
 
 static bool holds(const model *m) { return m->line_count <= MOST_LINES && m->base_count <= MOST_LINES; }
 
-/* The last fit, to the image's own pixels: tone first, then planes of light, kept where they explain a fifth more. */
-static status fit_light(model *m, picture crop, prior *before, fitted *result, memory *taken) {
-    const patience limits = {15, 1.0, 1e-2};
-    pixels chosen;
-    status state = read_pixels(m, crop, result->theta, PIXELS, taken, &chosen);
-    if (state != DONE) return state;
+/* Keep a fit with more parameters where it is worth them: its log likelihood is larger by WORTH. */
+static void keep_better(const pixels *chosen, const fitted *richer, fitted *result) {
+    double gain = (double)chosen->count / 2 * (same_log(result->noise) - same_log(greater(richer->noise, 1e-12)));
+    if (richer->converged && richer->theta[8] > 0 && gain > WORTH) *result = *richer;
+}
+
+/* The fit of blur along a direction, with the planes of light that were kept. */
+static fitted fit_motion(model *m, const pixels *chosen, double size, const fitted *still, prior *before) {
+    double start[LIT];
+    memcpy(start, still->theta, sizeof start);
+    start[10] += 0.2;
+    for (int k = 11; k < 15; k++) if (still->theta[k] == 0) before->precision[k] = HELD;
+    before->precision[16] = before->precision[17] = per_square(MOTION_SPREAD * size * MOTION_SPREAD * size);
     use_free(before);
-    *result = fit(m, &chosen, result->theta, before, limits);
+    return fit(m, chosen, start, before, LAST_FIT);
+}
+
+/* The fit of a pattern that something covers in part: pixels that are far off count little, at first only those very far
+   off; kept where what remains fits. */
+static void fit_covered(model *m, const pixels *chosen, double sigma, prior *before, fitted *result, double *cut) {
+    double gain = result->theta[8];
+    fitted robust = *result;
+    bool is_covered = gain > 0 && result->noise > COVERED_NOISE * greater(sigma * sigma, 1) &&
+                      result->noise > COVERED_SHARE * gain * gain;
+    if (!is_covered) return;
+    for (int k = 11; k < LIT; k++)
+        if (k != 15) before->precision[k] = HELD, robust.theta[k] = 0;
+    use_free(before);
+    for (double times = FIRST_CUT; times >= 1; times /= 2) {
+        m->cut = times * greater(CUT_SIGMAS * sigma, CUT_SHARE * gain);
+        robust = fit(m, chosen, robust.theta, before, LAST_FIT);
+    }
+    if (robust.converged && robust.theta[8] > 0 && robust.share > LEAST_SHARE && robust.noise < LEFT * result->noise)
+        *result = robust, *cut = m->cut;
+    m->cut = 0;
+}
+
+/* Whether a fit with more parameters could be worth them, down to half the image's own noise. */
+static bool may_improve(const pixels *chosen, const fitted *result, double sigma) {
+    double least_noise = greater(sigma * sigma / 2, 1.0 / 12);
+    return (double)chosen->count / 2 * same_log(greater(result->noise / least_noise, 1)) > WORTH;
+}
+
+/* Whether the tone alone leaves so much that there is no marker: light, motion and covers explain a part of it only. */
+static bool is_lost(const fitted *result, double sigma) {
+    double gain = result->theta[8];
+    return !(gain > 0) || result->noise - sigma * sigma > LOST * gain * gain;
+}
+
+static void free_planes(prior *before) {
     before->precision[11] = before->precision[12] = per_square(GAIN_SPREAD);
     before->precision[13] = before->precision[14] = per_square(OFFSET_SPREAD);
     use_free(before);
-    fitted lit = fit(m, &chosen, result->theta, before, limits);
-    bool is_worth_it = !result->converged || lit.noise < WORTH * result->noise;
-    if (lit.converged && lit.theta[8] > 0 && is_worth_it) *result = lit;
+}
+
+/* The last fits, to the image's own pixels: tone first, then planes of light, motion, and what is not covered. */
+static void fit_light(model *m, const pixels *chosen, double size, double sigma, bool has_ramp, prior *before,
+                      fitted *result, double *cut) {
+    use_free(before);
+    if (has_ramp) free_planes(before);
+    *result = fit(m, chosen, result->theta, before, LAST_FIT);
+    if (!has_ramp && is_lost(result, sigma)) result->length = INFINITY;
+    if (!has_ramp && (result->length == INFINITY || !may_improve(chosen, result, sigma))) return;
+    free_planes(before);
+    fitted lit = fit(m, chosen, result->theta, before, has_ramp ? LONG_FIT : LAST_FIT);
+    keep_better(chosen, &lit, result);
+    if (is_lost(result, sigma)) result->length = INFINITY;
+    if (result->length == INFINITY || !may_improve(chosen, result, sigma)) return;
+    fitted moved = fit_motion(m, chosen, size, result, before);
+    keep_better(chosen, &moved, result);
+    fit_covered(m, chosen, sigma, before, result, cut);
+}
+
+/* The prior of a last fit, of the parameters that it has: planes and motion that are 0 were not kept. */
+static prior last_prior(const double *theta, double size, double focal) {
+    double bent = per_square(size / focal), motion = per_square(MOTION_SPREAD * size * MOTION_SPREAD * size);
+    prior before = {.mean = {[10] = SHARP, [15] = TONE},
+                    .precision = {[6] = bent, [7] = bent, [10] = per_square(BLUR_SPREAD), per_square(GAIN_SPREAD),
+                                  per_square(GAIN_SPREAD), per_square(OFFSET_SPREAD), per_square(OFFSET_SPREAD),
+                                  per_square(TONE_SPREAD), motion, motion}};
+    for (int k = 11; k < LIT; k++)
+        if (theta[k] == 0) before.precision[k] = HELD;
+    use_free(&before);
+    return before;
+}
+
+/* The last fits to a part of the pixels, then to all. */
+static status fit_image(model *m, picture crop, double size, double focal, double sigma, bool has_ramp, prior *before,
+                        fitted *result, double *cut, memory *taken) {
+    pixels part, all;
+    status state = read_pixels(m, crop, result->theta, PART_PIXELS, taken, &part);
+    if (state != DONE) return state;
+    fit_light(m, &part, size, sigma, has_ramp, before, result, cut);
+    if (!(result->length < 1)) return DONE;
+    state = read_pixels(m, crop, result->theta, PIXELS, taken, &all);
+    if (state != DONE || all.count < part.count * 3 / 2) return state;
+    prior last = last_prior(result->theta, size, focal);
+    m->cut = *cut;
+    fitted polished = fit(m, &all, result->theta, &last, (patience){6, 1.0, 1e-2});
+    m->cut = 0;
+    if (polished.converged && polished.theta[8] > 0) *result = polished;
     return DONE;
+}
+
+/* Where planes of light explain the softened image and nothing else does, a steep ramp, the fit with them: from the coarse
+   search, which takes a plane out, for a fit without has gone astray. The blur is held here, so that it cannot explain a
+   pattern away. */
+static status find_ramp(model *m, const surroundings *around, const double *center, double size, const coarse *search,
+                        double sigma, const prior *before, double enough, fitted *result, bool *has_ramp) {
+    prior here = *before;
+    fitted lit = {.length = INFINITY};
+    double start[LIT] = {center[0], center[1]}, score, expected = SOFTENED * sigma * sigma / (double)(around->block * around->block);
+    const double *shape = search->shapes + 4 * best_shape(search, around->soft, center, size, 0, search->shape_count, &score);
+    for (int k = 0; k < 4; k++) start[2 + k] = size * shape[k];
+    start[8] = result->theta[8], start[9] = result->theta[9], start[10] = 0.5, start[15] = TONE;
+    memcpy(here.mean, start, sizeof start);
+    here.precision[0] = here.precision[1] = per_square(RAMP_CENTER_SPREAD * size);
+    for (int k = 2; k < 6; k++) here.precision[k] = per_square(RAMP_SHAPE_SPREAD * size);
+    free_planes(&here);
+    status state = fit_picture(m, around->soft, start, RAMP_PIXELS, &here, LONG_FIT, &lit);
+    *has_ramp = state == DONE && lit.noise > 0 && lit.theta[8] > 0 &&
+                lit.noise - expected < enough * lit.theta[8] * lit.theta[8];
+    if (*has_ramp) *result = lit;
+    return state;
 }
 
 /* From the softened block means over the sharp ones to the image's own pixels; ends where the first explains nothing. */
 static status align_lit(model *m, const surroundings *around, const double *center, double size, double focal,
-                        const coarse *search, double hopeless, fitted *result, double *ratio, memory *taken) {
+                        const coarse *search, double sigma, double hopeless, fitted *result, double *ratio,
+                        double *cut, memory *taken) {
     double block = (double)around->block, precision = (focal / size) * (focal / size);
     const double local[2] = {(center[0] - (double)around->left - (block - 1) / 2) / block,
                              (center[1] - (double)around->top - (block - 1) / 2) / block};
-    prior before = {.precision = {[6] = precision, [7] = precision, [10] = HELD, HELD, HELD, HELD, HELD,
-                                  per_square(TONE_SPREAD)}};
+    prior before = {.mean = {[15] = TONE},
+                    .precision = {[6] = precision, [7] = precision, [10] = HELD, HELD, HELD, HELD, HELD,
+                                  per_square(TONE_SPREAD), HELD, HELD}};
     use_free(&before);
     set_anchor(m, local[0], local[1], size / block);
-    status state = fit_softly(m, around, local, size / block, search, &before, hopeless, result, ratio, taken);
+    status state = fit_softly(m, around, local, size / block, search, &before, sigma, hopeless, result, ratio, taken);
+    bool has_ramp = false;
+    if (state == DONE && *ratio > UNCLEAR && *ratio < INFINITY)
+        state = find_ramp(m, around, local, size / block, search, sigma, &before, lesser(*ratio, hopeless) / 4, result, &has_ramp);
+    if (has_ramp) *ratio = lesser(*ratio, hopeless);
     if (state != DONE || *ratio > hopeless) return state;
     before.mean[10] = result->theta[10] = SHARP;
     if (around->block > 1)
@@ -56,32 +179,66 @@ static status align_lit(model *m, const surroundings *around, const double *cent
     for (int k = 2; k < 6; k++) result->theta[k] *= block;
     set_anchor(m, center[0] - (double)around->left, center[1] - (double)around->top, size);
     before.precision[10] = per_square(BLUR_SPREAD);
-    return fit_light(m, around->crop, &before, result, taken);
+    return fit_image(m, around->crop, size, focal, sigma, has_ramp, &before, result, cut, taken);
 }
 
 EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
                              const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
                              const double *base, int64_t base_count, double extent, double focal, const double *samples,
                              int64_t sample_count, const double *expected, const double *shapes, int64_t shape_count,
-                             double hopeless, double *theta, double *noise, bool *converged, double *ratio) {
+                             double sigma, double hopeless, double *theta, double *figures) {
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent};
     if (!holds(&m) || intervals != line_count + 1) return TOO_LARGE;
     memory taken = {.count = 0};
     coarse search;
     surroundings around;
-    fitted result = {{0}, 0, false};
-    *ratio = INFINITY;
+    fitted result = {.length = INFINITY};
+    double ratio = INFINITY, cut = 0;
     status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, true);
     if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
     bool is_tried = state == DONE && !is_too_small(&around);
-    if (is_tried) state = align_lit(&m, &around, center, size, focal, &search, hopeless, &result, ratio, &taken);
+    if (is_tried) state = align_lit(&m, &around, center, size, focal, &search, sigma, hopeless, &result, &ratio, &cut,
+                                     &taken);
     give_back(&taken);
-    bool is_hopeless = *ratio > hopeless;
+    bool is_hopeless = !(ratio <= hopeless);
     if (is_tried && !is_hopeless) result.theta[0] += (double)around.left, result.theta[1] += (double)around.top;
     memcpy(theta, result.theta, sizeof result.theta);
-    *noise = is_hopeless ? 0 : result.noise;
-    *converged = !is_hopeless && result.converged && result.theta[8] > 0;
+    figures[0] = is_hopeless ? 0 : result.noise;
+    figures[1] = is_hopeless || !(result.theta[8] > 0) ? INFINITY : result.length;
+    figures[2] = ratio, figures[3] = cut;
+    return state;
+}
+
+/* The covariance (LIT, LIT) of an alignment in any light; nan where too few pixels tell. */
+EXPORT status lit_covariance(const uint8_t *gray, int64_t height, int64_t width, const double *theta, const double *center,
+                             double size, const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
+                             const double *base, int64_t base_count, double extent, double focal, double cut,
+                             double *covariance) {
+    model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
+               .base_count = base_count, .extent = extent};
+    if (!holds(&m) || intervals != line_count + 1) return TOO_LARGE;
+    memory taken = {.count = 0};
+    surroundings around;
+    pixels chosen;
+    equations sums;
+    double local[LIT];
+    for (int k = 0; k < LIT * LIT; k++) covariance[k] = NAN;
+    status state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
+    if (state == DONE) {
+        memcpy(local, theta, sizeof local);
+        local[0] -= (double)around.left, local[1] -= (double)around.top;
+        set_anchor(&m, center[0] - (double)around.left, center[1] - (double)around.top, size);
+        state = read_pixels(&m, around.crop, local, PIXELS, &taken, &chosen);
+    }
+    if (state == DONE && chosen.count >= MIN_PIXELS) {
+        m.cut = cut;
+        prior before = last_prior(theta, size, focal);
+        add_up(&m, local, &chosen, before.used, &sums);
+        double noise = greater(sums.squares / greater(sums.weight - PLAIN, 1), 1.0 / 12);
+        state = fill_sandwich(&m, &chosen, local, noise, before.precision, covariance, &taken);
+    }
+    give_back(&taken);
     return state;
 }
 

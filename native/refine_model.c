@@ -5,7 +5,7 @@
 #include "lanes.h"
 #include "refine_model.h"
 
-static const double PIXEL_VARIANCE = 1.0 / 12, REACH = 3.5, MIN_DEPTH = 0.05, DENSITY = 0.39894228040143267794;
+static const double PIXEL_VARIANCE = 1.0 / 12, MIN_BLUR = 1e-3, REACH = 3.5, MIN_DEPTH = 0.05, DENSITY = 0.39894228040143267794;
 static const float CLIPPED = 253.5f; /* grey level from which a pixel counts as white */
 
 /* Φ(z) = ½ + φ(z) (z + z³/3 + z⁵/(3·5) + …): no term has another sign. */
@@ -122,7 +122,7 @@ void prepare(model *m, const double *theta) {
 
 /* Pixels of a tile, as columns: where each looks, and along either axis its box, its Gaussian, and how far they reach. */
 typedef struct {
-    double width[TILE], sigma[TILE], blur[TILE], reach[TILE];
+    double width[TILE], sigma[TILE], reach[TILE];
 } axis_columns;
 
 typedef struct {
@@ -133,7 +133,7 @@ typedef struct {
 /* One axis of a pixel: the lines that it sees, the box and the Gaussian of its own, and where its steps are kept. */
 typedef struct {
     int64_t first, last, at;
-    double width, sigma, blur;
+    double width, sigma;
 } axis_view;
 
 /* The smoothed steps of a tile: a box's two ends each line, in σ, and the normal distribution and density there. */
@@ -142,18 +142,24 @@ typedef struct {
     double ends[TILE * 2 * MOST_LINES * 2], steps[TILE * 2 * MOST_LINES * 2], densities[TILE * 2 * MOST_LINES * 2];
 } step_table;
 
-/* The wider of the two boxes is kept, the other's variance joins the Gaussian's. */
-static void fill_axis(const double *by_x, const double *by_y, double blur, axis_columns *axis) {
+/* The wider of the two boxes is kept, the other's variance joins the Gaussian's: that is θ[10] in every direction, and in any
+   light more along one than across it. */
+static void fill_axis(const model *m, const double *theta, const double *by_x, const double *by_y, axis_columns *axis) {
+    bool is_lit = m->parameters == LIT;
+    double blur = theta[10], d = is_lit ? theta[16] : 0, e = is_lit ? theta[17] : 0, least_blur = is_lit ? MIN_BLUR : 0;
     for (int64_t i = 0; i < TILE; i++) {
         double a = fabs(by_x[i]), b = fabs(by_y[i]), width = a > b ? a : b, other = a > b ? b : a;
-        double own_blur = blur * (by_x[i] * by_x[i] + by_y[i] * by_y[i]), sigma = sqrt(other * other / 12 + own_blur);
-        axis->width[i] = width, axis->sigma[i] = sigma, axis->blur[i] = own_blur;
+        double square = by_x[i] * by_x[i] + by_y[i] * by_y[i];
+        double own_blur = blur * square + d * (by_x[i] * by_x[i] - by_y[i] * by_y[i]) + 2 * e * by_x[i] * by_y[i];
+        own_blur = own_blur > least_blur * square ? own_blur : least_blur * square;
+        double sigma = sqrt(other * other / 12 + own_blur);
+        axis->width[i] = width, axis->sigma[i] = sigma;
         axis->reach[i] = width / 2 + REACH * sigma;
     }
 }
 
 /* Where the pixels of a tile look; beyond `count` the last one again. */
-static void fill_views(const double *theta, const int32_t *xy, int64_t count, view_columns *views) {
+static void fill_views(const model *m, const double *theta, const int32_t *xy, int64_t count, view_columns *views) {
     for (int64_t i = 0; i < TILE; i++) {
         views->x[i] = xy[2 * least(i, count - 1)], views->y[i] = xy[2 * least(i, count - 1) + 1];
     }
@@ -162,13 +168,13 @@ static void fill_views(const double *theta, const int32_t *xy, int64_t count, vi
         views->u[i] = at.u, views->v[i] = at.v, views->w[i] = at.w;
         views->ux[i] = at.ux, views->uy[i] = at.uy, views->vx[i] = at.vx, views->vy[i] = at.vy;
     }
-    fill_axis(views->ux, views->uy, theta[10], &views->across);
-    fill_axis(views->vx, views->vy, theta[10], &views->down);
+    fill_axis(m, theta, views->ux, views->uy, &views->across);
+    fill_axis(m, theta, views->vx, views->vy, &views->down);
 }
 
 /* List the steps that a pixel sees along an axis. */
 static axis_view view_axis(const model *m, double u, const axis_columns *columns, int64_t i, step_table *table) {
-    axis_view axis = {.width = columns->width[i], .sigma = columns->sigma[i], .blur = columns->blur[i], .at = table->count};
+    axis_view axis = {.width = columns->width[i], .sigma = columns->sigma[i], .at = table->count};
     double reach = columns->reach[i], per_sigma = 1 / axis.sigma;
     int64_t k = 0;
     while (k < m->line_count && u - m->lines[k] > reach) k++;
@@ -209,9 +215,9 @@ static void fill_shares(const axis_view *axis, const step_table *table, share_ta
     shares->value[axis->last] = above, shares->slope[axis->last] = above_slope, shares->bend[axis->last] = above_bend;
 }
 
-/* What a pixel sees of the pattern, 0…1, with derivatives by u, v, the logarithm of the blur (twice), and of the tone. */
+/* What a pixel sees of the pattern, 0…1, with derivatives by u and v, twice by each, and by the tone. */
 typedef struct {
-    double level, by_u, by_v, by_blur, by_tone;
+    double level, by_u, by_v, by_uu, by_vv, by_tone;
 } sight;
 
 static sight look(const model *m, const axis_view *u, const axis_view *v, const step_table *table) {
@@ -231,7 +237,8 @@ static sight look(const model *m, const axis_view *u, const axis_view *v, const 
         seen.level += down.value[row] * value;
         seen.by_u += down.value[row] * slope;
         seen.by_v += down.slope[row] * value;
-        seen.by_blur += down.value[row] * bend * u->blur + down.bend[row] * value * v->blur;
+        seen.by_uu += down.value[row] * bend;
+        seen.by_vv += down.bend[row] * value;
         seen.by_tone += down.value[row] * tone;
     }
     return seen;
@@ -256,13 +263,16 @@ static void compare(const model *m, const double *theta, const view_columns *vie
     }
     *r = level - value;
     /* (px, py) is the prediction's gradient in the image; ∂prediction/∂θ = −(px, py)·∂x/∂θ at fixed u */
-    double px = gain * light * (seen->by_u * views->ux[i] + seen->by_v * views->vx[i]);
-    double py = gain * light * (seen->by_u * views->uy[i] + seen->by_v * views->vy[i]);
+    double ux = views->ux[i], uy = views->uy[i], vx = views->vx[i], vy = views->vy[i];
+    double px = gain * light * (seen->by_u * ux + seen->by_v * vx), py = gain * light * (seen->by_u * uy + seen->by_v * vy);
     double along = px * (x - theta[0]) + py * (y - theta[1]), u = views->u[i] / views->w[i], v = views->v[i] / views->w[i];
+    /* a pixel's blur along x, along y and between them, as each axis of the pattern has it */
+    double half = gain * light / 2, xx = seen->by_uu * ux * ux + seen->by_vv * vx * vx;
+    double yy = seen->by_uu * uy * uy + seen->by_vv * vy * vy, xy = seen->by_uu * ux * uy + seen->by_vv * vx * vy;
     const double by[LIT] = {-px, -py, -px * u, -px * v, -py * u, -py * v, along * u, along * v,
-                            light * seen->level + shade, 1, gain * light * seen->by_blur / (2 * theta[10]),
+                            light * seen->level + shade, 1, half * (xx + yy),
                             gain * p * seen->level, gain * q * seen->level, gain * p, gain * q,
-                            gain * light * seen->by_tone};
+                            gain * light * seen->by_tone, half * (xx - yy), 2 * half * xy};
     for (int64_t k = 0; k < m->parameters; k++) jacobian[k * stride] = by[k];
 }
 
@@ -274,7 +284,7 @@ void compare_tile(const model *m, const double *theta, const int32_t *xy, const 
     view_columns views;
     axis_view across[TILE], down[TILE];
     table.count = 0;
-    fill_views(theta, xy, count, &views);
+    fill_views(m, theta, xy, count, &views);
     for (int64_t i = 0; i < count; i++) {
         if (views.w[i] <= MIN_DEPTH) continue;
         across[i] = view_axis(m, views.u[i], &views.across, i, &table);
@@ -313,10 +323,21 @@ static void add_products(const double rows[LIT + 1][TILE], const int64_t *listed
     }
 }
 
+/* Scale a tile's rows by the roots of Geman and McClure's weights of its residuals, and return the sum of the weights. */
+static double weigh(double rows[LIT + 1][TILE], int64_t n, int64_t count, double cut) {
+    double sum = 0;
+    for (int64_t i = 0; i < count; i++) {
+        double z = rows[n][i] / cut, root = 1 / (1 + z * z);
+        for (int64_t k = 0; k <= n; k++) rows[k][i] *= root;
+        sum += root * root;
+    }
+    return sum;
+}
+
 /* Compare all pixels, and add up the normal equations of the parameters that are used; those of others are 0. */
 void add_up(model *m, const double *theta, const pixels *chosen, const bool *used, equations *sums) {
     int64_t n = m->parameters, listed[LIT + 1], last = 0;
-    double rows[LIT + 1][TILE] = {{0}};
+    double rows[LIT + 1][TILE] = {{0}}, weight = 0;
     double4 lanes[LIT + 1][LIT + 1];
     for (int64_t k = 0; k < n; k++)
         if (used[k]) listed[last++] = k;
@@ -327,9 +348,11 @@ void add_up(model *m, const double *theta, const pixels *chosen, const bool *use
         int64_t count = least(TILE, chosen->count - first);
         for (int64_t k = 0; count < TILE && k <= n; k++) memset(rows[k], 0, sizeof rows[k]);
         compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, count, rows[n], rows[0], TILE);
+        weight += m->cut > 0 ? weigh(rows, n, count, m->cut) : (double)count;
         add_products((const double(*)[TILE])rows, listed, last + 1, lanes);
     }
     memset(sums, 0, sizeof *sums);
+    sums->weight = weight;
     for (int64_t a = 0; a < last; a++) {
         for (int64_t b = 0; b <= a; b++) {
             double sum = sum4(lanes[a][b]);

@@ -8,7 +8,7 @@
 
 enum {
     PLAIN = 11,      /* parameters of a pattern in even light */
-    LIT = 16,        /* and those of one in any light */
+    LIT = 18,        /* and those of one in any light */
     MOST_LINES = 16, /* of a pattern */
     TILE = 32,       /* pixels that are compared at a time */
 };
@@ -23,6 +23,7 @@ typedef struct {
     const double *base;   /* (base_count,) the printed levels; LIT only */
     int64_t base_count;
     double anchor[3];     /* x, y and side, px, of the planes of light; LIT only */
+    double cut;           /* residuals of this many grey levels count a quarter; 0 where all count alike */
     const double *levels; /* (n + 1, n + 1) */
     double fitted[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* the levels under the tone exponent; LIT only */
     double tones[(MOST_LINES + 1) * (MOST_LINES + 1)];  /* and their derivatives by its logarithm; LIT only */
@@ -57,9 +58,9 @@ static inline pattern_view pattern_point(const double *theta, double x, double y
     return (pattern_view){is_before ? u : 0, is_before ? v : 0, w, scale * b22, -scale * b12, -scale * b21, scale * b11};
 }
 
-/* Normal equations of a fit: Σ r², J r and J Jᵀ over the pixels. */
+/* Normal equations of a fit: Σ w, Σ w r², J w r and J w Jᵀ over the pixels; the weights w are 1 but for a `cut`. */
 typedef struct {
-    double squares;
+    double weight, squares;
     double slope[LIT];
     double hessian[LIT * LIT];
 } equations;

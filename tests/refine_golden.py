@@ -9,16 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage import data
 
-from peakmark.identification.alignment import _KNOTS, _SHIFTS, lit_pattern, lit_template, measure_alignment
+from peakmark.identification.alignment import _SHIFTS, lit_pattern, lit_template
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
-from peakmark.refine.lit import align_in_light, correlate_candidates, lit_residuals
+from peakmark.refine.lit import correlate_candidates, lit_residuals
 from peakmark.refine.model import Pattern, predict, residuals
 from tests.places import GOLDEN
 
 PATH = GOLDEN / "native" / "refine.npz"
 FOCAL_PX = 500.0
-HOPELESS = 1.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def drawn_views() -> Views:
 
 def measure(views: Views) -> dict[str, NDArray[np.float64]]:
     """Return what the kernels make of the views, as columns."""
-    return {**_aligned(views), **_lit(views), **_derivatives(views)}
+    return {**_aligned(views), **_correlated(views), **_derivatives(views)}
 
 
 def _aligned(views: Views) -> dict[str, NDArray[np.float64]]:
@@ -69,27 +68,17 @@ def _aligned(views: Views) -> dict[str, NDArray[np.float64]]:
     return {name: np.array([fit[k] for fit in fits], dtype=np.float64) for k, name in enumerate(names)}
 
 
-def _lit(views: Views) -> dict[str, NDArray[np.float64]]:
-    pattern, template = lit_pattern("dark"), lit_template("dark")
-    fits = [
-        align_in_light(views.image, *view, *pattern, 0.5, FOCAL_PX, *template, shape_grid(), HOPELESS)
-        for view in zip(views.xy, views.sides_px, strict=True)
-    ]
-    measured = [
-        measure_alignment(views.image, fit[0], *view, *pattern, 0.5, _KNOTS)
-        for fit, view in zip(fits, zip(views.xy, views.sides_px, strict=True), strict=True)
-        if fit[2]
-    ]
-    names = ("lit_theta", "lit_noise", "lit_converged", "lit_ratio")
-    columns = {name: np.array([fit[k] for fit in fits], dtype=np.float64) for k, name in enumerate(names)}
-    scores = correlate_candidates(views.image, views.xy, views.sides_px, *template, shape_grid(), _SHIFTS)
-    return {**columns, "measured": np.array(measured), "correlation": scores}
+def _correlated(views: Views) -> dict[str, NDArray[np.float64]]:
+    scores = correlate_candidates(views.image, views.xy, views.sides_px, *lit_template("dark"), shape_grid(), _SHIFTS)
+    return {"correlation": scores}
 
 
 def _derivatives(views: Views) -> dict[str, NDArray[np.float64]]:
     """Residuals and their derivatives at parameters that fit a marker badly, so that every term counts."""
     lines, index, base = lit_pattern("dark")
-    theta = np.array([301.2, 184.1, 40.0, 6.0, -7.0, 35.0, 0.1, -0.05, 140.0, 30.0, 0.8, 0.2, -0.1, 0.05, 0.1, 0.4])
+    theta = np.array(
+        [301.2, 184.1, 40.0, 6.0, -7.0, 35.0, 0.1, -0.05, 140.0, 30.0, 0.8, 0.2, -0.1, 0.05, 0.1, 0.4, 0, 0]
+    )
     image = views.image.astype(np.float32)
     pixels = chosen_pixels(image, theta, lines, 0.5, 300)
     lit, lit_slopes = lit_residuals(image, pixels, theta, np.array([300.0, 185.0, 42.0]), lines, index, base)
@@ -97,7 +86,7 @@ def _derivatives(views: Views) -> dict[str, NDArray[np.float64]]:
     return {
         "pixels": pixels.astype(np.float64),
         "lit_residuals": lit,
-        "lit_jacobian": lit_slopes,
+        "lit_jacobian": lit_slopes[:16],
         "residuals": plain,
         "jacobian": slopes,
     }

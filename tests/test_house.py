@@ -72,6 +72,7 @@ HEAVY = {
     "scipy.stats",
     "skimage",
     "sklearn",
+    "threadpoolctl",
     "trimesh",
 }
 """Libraries that are slow to import, or optional: only they may be imported inside a function."""

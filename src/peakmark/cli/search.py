@@ -1,5 +1,6 @@
 """The command that trains the decision of `identify(image)`."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -12,10 +13,14 @@ from peakmark.experiments.journal import Journal
 from peakmark.experiments.search.training import SearchTrainingConfig, collect_evidence, result_rows, train, write_model
 
 
-@examples("python scripts/train_search.py --workers 2", "python scripts/train_search.py --images 24 --out out/quick")
+@examples(
+    "python scripts/train_search.py --workers 2",
+    "python scripts/train_search.py --images 24 --empty 12 --out out/quick",
+)
 def train_search(
     out: Out = Path("out/search"),
     images: Annotated[int, Option(help="Random images with markers.")] = SearchTrainingConfig.images,
+    empty: Annotated[int, Option(help="Images without any.")] = SearchTrainingConfig.empty,
     seed: Annotated[int, Option(help="Seed of the images.")] = SearchTrainingConfig.seed,
     workers: Annotated[int, Option(help="Processes.")] = 1,
     quiet: Quiet = False,
@@ -24,12 +29,12 @@ def train_search(
 
     Writes general.json (which ships in peakmark.identification) and result.json; an interrupted run resumes.
     """
-    config = SearchTrainingConfig(images, seed)
+    config = SearchTrainingConfig(images, empty, seed)
     console = new_console(quiet)
-    journal = Journal.open(out, {"images": images, "seed": seed})
+    journal = Journal.open(out, asdict(config))
     with resumable(), progress_bar(console, "render, align") as bar:
         evidence = collect_evidence(config, journal, workers, bar.show)
     model = train(evidence, config)
     write_model(out, model)
-    print_table(console, f"{images} images · seed {seed}", FIGURES, result_rows(model))
+    print_table(console, f"{images} + {empty} images · seed {seed}", FIGURES, result_rows(model))
     print_path(console, out / "general.json", "Model")

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.identification.general import align_image, shipped_model
+from peakmark.identification.general import align_image
+from peakmark.identification.marker_model import shipped_model
 
 SMALLEST_PX = 12
 """Side of the smallest markers that the general search finds, px."""
@@ -24,7 +25,7 @@ def why_nothing(gray: NDArray[np.uint8]) -> str:
     if not len(found.candidates):
         return f"{sought}; nothing resembles one: is it in the image, in focus, and not covered?"
     model, threshold = shipped_model()
-    likely = model.probabilities(found.aligned.evidence)
+    likely = model.probabilities(found.evidence)
     best = int(np.argmax(likely))
     (x, y), side = found.candidates.xy[best], found.candidates.sides_px[best]
     return (

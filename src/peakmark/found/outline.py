@@ -4,15 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.arrays.decode import MarkerArray
-from peakmark.identification.detection import Detection
-
-_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-
-
-def marker_corners_px(marker: Detection) -> NDArray[np.float64]:
-    """Return (4, 2) corners of a marker's pattern, px, clockwise; an upright square where nothing was refined."""
-    shape = marker.size * np.eye(2) if marker.affinity is None else marker.affinity
-    return np.asarray(marker.xy + _SQUARE @ shape.T)
 
 
 def outline_px(array: MarkerArray) -> NDArray[np.float64]:

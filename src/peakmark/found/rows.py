@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 
 from peakmark.arrays.decode import MarkerArray
-from peakmark.found.outline import marker_corners_px, outline_px
+from peakmark.found.outline import outline_px
 from peakmark.identification.detection import Detection
 from peakmark.localise.pose import refined_sigmas
 from peakmark.markers.patterns import Polarity
@@ -70,7 +70,7 @@ def marker_row(marker: Detection, file: str = "", frame: int | None = None) -> F
         side_px=float(marker.size),
         probability=marker.probability,
         sigma_px=None if marker.affinity is None else float(refined_sigmas(marker.affinity[None])[0][0]),
-        corners=_corners(marker_corners_px(marker)),
+        corners=_corners(marker.corners()),
         doubt="",
     )
 

@@ -1,11 +1,7 @@
-"""What an alignment in any light says for a marker and against it, as columns of evidence.
+"""Candidates aligned with a marker's pattern in any light, and what that explains: as a whole, in parts, in cells."""
 
-A blob can be explained by the pattern once enough blur is allowed. So the columns compare with what a plain blob could
-do: everything radial around the centre, and a plane of light, is taken out of image and prediction before they are
-compared, as a whole and in halves and quadrants; and white paper is looked for just outside the pattern.
-"""
-
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cache
 from math import sqrt
 
@@ -17,34 +13,16 @@ from peaksim.native import function
 from peakmark.markers.patterns import Polarity, surf_cells
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import shape_grid
-from peakmark.refine.lit import PARAMETERS, align_in_light, correlate_candidates
+from peakmark.refine.api import DITHER, FLOOR_PX
+from peakmark.refine.lit import PARAMETERS, LitFit, align_in_light, correlate_candidates, lit_covariance
 from peakmark.refine.model import Pattern, predict
 
-COLUMNS = (
-    "quotient",
-    "unexplained",
-    "blur",
-    "blob",
-    "non_radial",
-    "worst_part",
-    "worst_quadrant",
-    "correlation",
-    "tone",
-    "ring",
-    "ring_low",
-    "michelson",
-    "gain",
-    "side",
-    "anisotropy",
-)
-"""Evidence of an alignment: the response quotient; −log of the share that the pattern leaves unexplained, beyond the
-image's noise; blur over side; log of what a blob leaves over what the pattern leaves; correlation of what is not
-radial; −log(1 − least correlation) over eight halves and quadrants; least correlation of what is not radial in a
-quadrant; coarse correlation; |ln γ − 0.35|; share of the ring around the pattern that is white, and its lower fifth;
-Michelson contrast; log of the gain; log of the side; log of the anisotropy."""
+HOPELESS = 0.05
+"""Noise over gain² of the softened image, beyond its own, above which an alignment is given up: of markers
+that nothing covers it is below 0.01."""
 
-HOPELESS = 1.0
-"""Noise over gain² of the softened image above which an alignment is given up."""
+CELLS = 11
+"""Along each side: the pattern's nine, and one beyond on either side."""
 
 _KNOTS: NDArray[np.float64] = np.arange(9) * np.float64(0.08)
 """Radii, sides, of the tents that stand for everything radial."""
@@ -54,9 +32,9 @@ _TEMPLATE_PX, _TEMPLATE_BLUR, _TEMPLATE_TONE = 1000.0, 0.05, 1.4
 """The coarse template: resolution that makes the pixel's box vanish, blur in sides, and a tone exponent in between."""
 
 _measure_alignment = function(
-    "status measure_alignment(const u1[height,width] gray, const f8[16] theta, const f8[2] center, f8 size, "
+    "status measure_alignment(const u1[height,width] gray, const f8[18] theta, const f8[2] center, f8 size, "
     "const f8[line_count] lines, const i8[intervals,intervals] index, const f8[base_count] base, f8 extent, "
-    "const f8[knot_count] knots, f8[7] figures)"
+    "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts)"
 )
 
 
@@ -64,19 +42,41 @@ _measure_alignment = function(
 class Aligned:
     """Candidates aligned with the pattern."""
 
-    theta: NDArray[np.float64]
-    """(n, 16) parameters, see `refine.lit`."""
-    noise: NDArray[np.float64]
-    """(n,) mean square of the residuals."""
-    evidence: NDArray[np.float64]
-    """(n, len(COLUMNS))."""
     rows: NDArray[np.intp]
     """(n,) of the candidates."""
+    centers: NDArray[np.float64]
+    """(n, 2) px, where the candidates were: anchors of the planes of light."""
+    sizes_px: NDArray[np.float64]
+    """(n,) the sides that they had."""
+    theta: NDArray[np.float64]
+    """(n, 18) parameters, see `refine.lit`."""
+    noise: NDArray[np.float64]
+    """(n,) mean square of the residuals."""
+    steps: NDArray[np.float64]
+    """(n,) see `LitFit.step`."""
+    ratios: NDArray[np.float64]
+    """(n,) see `LitFit.ratio`."""
+    cuts: NDArray[np.float64]
+    """(n,) see `LitFit.cut`."""
+    figures: NDArray[np.float64]
+    """(n, 8) see `measure_alignment`."""
+    sums: NDArray[np.float64]
+    """(n, 11, 11) of residuals over gain in cells, the outermost beyond the pattern."""
+    counts: NDArray[np.float64]
+    """(n, 11, 11) pixels in each cell."""
 
     @property
     def sides_px(self) -> NDArray[np.float64]:
         """(n,) square roots of the areas."""
         return np.sqrt(np.abs(self.theta[:, 2] * self.theta[:, 5] - self.theta[:, 3] * self.theta[:, 4]))
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> "Aligned":
+        return Aligned(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+
+def together(parts: Sequence[Aligned]) -> Aligned:
+    """Return alignments of several calls as one; their rows are as they were."""
+    return Aligned(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Aligned)))
 
 
 @cache
@@ -116,107 +116,49 @@ def correlations(
 
 
 def align_candidates(
-    gray: NDArray[np.uint8],
-    xy: NDArray[np.float64],
-    sides_px: NDArray[np.float64],
-    polarity: Polarity,
-    quotients: NDArray[np.float64],
-    correlation: NDArray[np.float64],
-    noise_sigma: float,
+    gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], polarity: Polarity, sigma: float
 ) -> Aligned:
-    """Align candidates with a marker of one polarity; those that are none are left out."""
+    """Align candidates with a marker of one polarity in an image of noise σ; those that are none are left out."""
     pattern, template, focal = lit_pattern(polarity), lit_template(polarity), float(max(gray.shape))
 
-    def align(k: int) -> tuple[NDArray[np.float64], float, NDArray[np.float64]] | None:
-        theta, noise, converged, _ = align_in_light(
-            gray, xy[k], float(sides_px[k]), *pattern, 0.5, focal, *template, shape_grid(), HOPELESS
-        )
-        if not converged or not _is_near(theta, xy[k], float(sides_px[k])):
+    def align(k: int) -> tuple[LitFit, tuple[NDArray[np.float64], ...]] | None:
+        center, side_px = xy[k], float(sides_px[k])
+        fit = align_in_light(gray, center, side_px, *pattern, 0.5, focal, *template, shape_grid(), sigma, HOPELESS)
+        if not _is_near(fit, center, side_px):
             return None
-        measures = measure_alignment(gray, theta, xy[k], float(sides_px[k]), *pattern, 0.5, _KNOTS)
-        if measures[0] == 0:
-            return None
-        row = evidence_of(gray, theta, measures, xy[k], float(sides_px[k]), noise_sigma)
-        return theta, noise, np.array([quotients[k], *row[:6], correlation[k], *row[6:]])
+        measured = measure_alignment(gray, fit.theta, center, side_px, *pattern, 0.5, _KNOTS, fit.cut)
+        return (fit, measured) if measured[0][0] else None
 
     found = map_parallel(align, range(len(xy)))
     rows = np.array([k for k, one in enumerate(found) if one is not None], dtype=np.intp)
-    kept = [one for one in found if one is not None]
-    return Aligned(
-        np.array([one[0] for one in kept]).reshape(-1, PARAMETERS),
-        np.array([one[1] for one in kept]),
-        np.array([one[2] for one in kept]).reshape(-1, len(COLUMNS)),
-        rows,
+    fits = [one[0] for one in found if one is not None]
+    measures = [one[1] for one in found if one is not None]
+    noise, step, ratio, cut = (
+        np.array([getattr(fit, name) for fit in fits]) for name in ("noise", "step", "ratio", "cut")
     )
+    figures, sums, counts = (np.array([one[k] for one in measures]) for k in range(3))
+    theta = np.array([fit.theta for fit in fits]).reshape(-1, PARAMETERS)
+    cells = (sums.reshape(-1, CELLS, CELLS), counts.reshape(-1, CELLS, CELLS))
+    return Aligned(rows, xy[rows], sides_px[rows], theta, noise, step, ratio, cut, figures.reshape(-1, 8), *cells)
 
 
-def _is_near(theta: NDArray[np.float64], xy: NDArray[np.float64], side_px: float) -> bool:
-    """Return whether a fit is finite, at least 8 px a side, and not far from where it began."""
-    if not np.isfinite(theta).all():
+def center_covariance(gray: NDArray[np.uint8], aligned: Aligned, row: int, polarity: Polarity) -> NDArray[np.float64]:
+    """Return the covariance (2, 2) of an alignment's centre, px²; rounding adds (0.003 px)² where there is no noise."""
+    center, side_px = aligned.centers[row], float(aligned.sizes_px[row])
+    extra = (0.5, float(max(gray.shape)), float(aligned.cuts[row]))
+    covariance = lit_covariance(gray, aligned.theta[row], center, side_px, *lit_pattern(polarity), *extra)[:2, :2]
+    is_rounded = aligned.noise[row] < DITHER**2
+    return np.asarray(covariance + is_rounded * FLOOR_PX**2 * np.eye(2))
+
+
+def _is_near(fit: LitFit, xy: NDArray[np.float64], side_px: float) -> bool:
+    """Return whether a fit was not given up, has at least 8 px a side, and is not far from where it began."""
+    theta = fit.theta
+    if not np.isfinite(fit.step) or not np.isfinite(theta).all():
         return False
     side = sqrt(abs(theta[2] * theta[5] - theta[3] * theta[4]))
     moved = float(np.hypot(*(theta[:2] - xy)))
     return side >= 8 and moved <= 0.35 * side and 0.5 < side / side_px < 2
-
-
-def evidence_of(
-    gray: NDArray[np.uint8],
-    theta: NDArray[np.float64],
-    measures: NDArray[np.float64],
-    xy: NDArray[np.float64],
-    side_px: float,
-    noise_sigma: float,
-) -> NDArray[np.float64]:
-    """Return the columns of an alignment but for quotient and correlation."""
-    n, total, by_blob, left, non_radial, part, quadrant = measures
-    side = sqrt(abs(theta[2] * theta[5] - theta[3] * theta[4]))
-    expected = n * noise_sigma**2
-    unexplained = max(left - expected, 0.0) / max(total - expected, 1e-3 * total, 1e-9)
-    blob, rest = max(by_blob - expected, 0.0) / max(total, 1e-9), max(left - expected, 0.0) / max(total, 1e-9)
-    stretch = np.linalg.svd(theta[2:6].reshape(2, 2), compute_uv=False)
-    gain, offset = theta[8], theta[9]
-    white, low = ring_evidence(gray, theta, xy, side_px)
-    return np.array(
-        [
-            -np.log(unexplained + 0.004),
-            sqrt(abs(theta[10])) / side,
-            np.log((blob + 0.003) / (rest + 0.003)),
-            non_radial,
-            -np.log(1 - min(part, 0.999)),
-            quadrant,
-            abs(theta[15] - 0.35),
-            white,
-            low,
-            gain / max(gain + 2 * max(offset, 0.0), 1.0),
-            np.log(max(gain, 1.0)),
-            np.log(side),
-            np.log(stretch[0] / max(stretch[1], 1e-6)),
-        ]
-    )
-
-
-def ring_evidence(
-    gray: NDArray[np.uint8], theta: NDArray[np.float64], xy: NDArray[np.float64], side_px: float
-) -> tuple[float, float]:
-    """Return the share of points just outside the pattern that are white, and the lower fifth of their levels."""
-    side = sqrt(abs(theta[2] * theta[5] - theta[3] * theta[4]))
-    away = 0.5 + min(max(0.06, 1.2 * sqrt(abs(theta[10]) + 0.1) / side), 0.12)
-    along = np.linspace(-0.525, 0.525, 12)
-    edge = np.full(12, away)
-    u = np.concatenate(
-        [np.column_stack(pair) for pair in ((along, -edge), (along, edge), (-edge, along), (edge, along))]
-    )
-    points = theta[:2] + (u @ theta[2:6].reshape(2, 2).T) / (1 + u @ theta[6:8])[:, None]
-    inside = ((points >= 0) & (points < np.array(gray.shape[::-1]) - 1)).all(axis=1)
-    if inside.sum() < 12:
-        return 0.5, 0.5
-    points = points[inside]
-    x, y = points.T.astype(np.float32)
-    levels = cv2.remap(gray, x[None], y[None], cv2.INTER_LINEAR)[0].astype(np.float64)
-    away_from_anchor = (points - xy) / side_px
-    light = np.maximum(1 + away_from_anchor @ theta[11:13], 0.2)
-    relative = (levels - theta[9] - theta[8] * (away_from_anchor @ theta[13:15])) / (theta[8] * light)
-    return float((relative > 0.85).mean()), float(np.quantile(relative, 0.2))
 
 
 def noise_sigma_of(gray: NDArray[np.uint8]) -> float:
@@ -243,13 +185,16 @@ def measure_alignment(
     base: NDArray[np.float64],
     extent: float,
     knots: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return (7,) figures of an alignment; all 0 with fewer than 24 pixels.
+    cut: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return (8,) figures of an alignment, all 0 with fewer than 24 pixels, and (121,) sums and pixels of its cells.
 
     Pixels; sums of squares after a plane, after a plane and everything radial (tents of 0.08 sides around the knots),
     and after the pattern; the correlation of what is not radial; the least correlation of eight halves and quadrants;
-    and that of what is not radial in a quadrant.
+    that of what is not radial in a quadrant; and the share of pixels that were compared: those whose residual exceeds
+    twice a `cut` above 0 are left out, for something covers them. A cell, a ninth of the side, has the sum of its
+    residuals over gain; the outermost lie beyond the pattern.
     """
-    figures = np.empty(7)
-    _measure_alignment(gray, theta, center, size, lines, index, base, extent, knots, figures)
-    return figures
+    figures, sums, counts = np.empty(8), np.empty(CELLS**2), np.empty(CELLS**2)
+    _measure_alignment(gray, theta, center, size, lines, index, base, extent, knots, cut, figures, sums, counts)
+    return figures, sums, counts

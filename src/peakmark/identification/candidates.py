@@ -19,13 +19,13 @@ from peakmark.parallel import map_parallel
 THRESHOLD = 300.0
 """Hessian threshold; 100, 300 and 500 find the same markers of 20 px and more."""
 
-LEAST_QUOTIENT = 0.2
+LEAST_QUOTIENT = 0.14
 """Response quotient from which a key point is a candidate."""
 
 SMALLEST_PX = 10.0
 """Side of the smallest candidates."""
 
-MOST = 300
+MOST = 500
 """Candidates of an image, by falling quotient."""
 
 DIRECTIONS_DEG = (0.0, 45.0, 90.0, 135.0)

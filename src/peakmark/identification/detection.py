@@ -15,6 +15,9 @@ SIDE_OF_SCALE = 1.09
 """Side of a marker over its SURF scale, in the median: the filter that answers most is a little smaller."""
 
 
+_CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+
+
 @dataclass(frozen=True)
 class Detection:
     """An identified marker."""
@@ -39,6 +42,16 @@ class Detection:
     """Share of the grey levels' variance that the printed pattern explains, 0…1; None where nothing was refined."""
     probability: float | None = None
     """That it is a marker, 0…1, by the model of the general search; None by the other rules."""
+    perspective: NDArray[np.float64] | None = None
+    """(2,) g of ``x = xy + affinity u / (1 + g·u)``, per side, of a pattern point u; None by the other rules."""
+    covariance: NDArray[np.float64] | None = None
+    """(2, 2) of the centre, px², from the residuals of the alignment; None by the other rules."""
+
+    def corners(self) -> NDArray[np.float64]:
+        """Return (4, 2) corners of the pattern, px, from its top left clockwise; upright where nothing was refined."""
+        affinity = self.size * np.eye(2) if self.affinity is None else self.affinity
+        depth = np.ones(4) if self.perspective is None else 1 + _CORNERS @ self.perspective
+        return np.asarray(self.xy + _CORNERS @ affinity.T / depth[:, None])
 
 
 @dataclass(frozen=True)

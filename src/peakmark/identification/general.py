@@ -3,61 +3,38 @@
 ::
 
     SURF on five copies ─▶ candidates by quotient ─▶ the best by coarse correlation ─▶ alignment in any light
-        ─▶ logistic decision (`general.json`) ─▶ non-maximum suppression ─▶ detections
+        ─▶ evidence ─▶ boosted trees (`general.json`) ─▶ non-maximum suppression ─▶ detections
 """
 
-import json
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.identification.alignment import COLUMNS, Aligned, align_candidates, correlations, noise_sigma_of
+from peakmark.identification.alignment import (
+    Aligned,
+    align_candidates,
+    center_covariance,
+    correlations,
+    noise_sigma_of,
+    together,
+)
 from peakmark.identification.candidates import MarkerCandidates, find_candidates
 from peakmark.identification.detection import Detection
+from peakmark.identification.marker_evidence import COLUMNS, marker_evidence
+from peakmark.identification.marker_model import shipped_model
 from peakmark.identification.suppression import suppress_non_maxima
 from peakmark.markers.patterns import Polarity
 from peakmark.refine.api import upright_rotation
 
-LEAST_CORRELATION = 0.86
-"""Coarse correlation from which a candidate is aligned."""
+LEAST_CORRELATION = 0.81
+"""Coarse correlation from which a candidate is aligned: of markers that nothing covers it is above 0.86."""
 
-MOST_ALIGNED = 60
-"""Candidates of an image that are aligned, by falling correlation."""
+MOST_ALIGNED = 64
+"""Candidates of an image that are aligned, by falling worth."""
 
-_PREFER_LARGE = 0.02
-"""Added to a candidate's correlation for each doubling of its side, in the order of alignment."""
-
-MODEL = Path(__file__).with_name("general.json")
-
-
-@dataclass(frozen=True)
-class MarkerModel:
-    """A logistic regression over the columns of an alignment."""
-
-    mean: NDArray[np.float64]
-    """(c,) subtracted from the columns."""
-    scale: NDArray[np.float64]
-    """(c,) by which they are divided then."""
-    weights: NDArray[np.float64]
-    """(c,)."""
-    offset: float
-    """Added to the weighted sum: log odds."""
-
-    def probabilities(self, evidence: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (n,) probabilities that alignments are markers."""
-        log_odds = (evidence - self.mean) / self.scale @ self.weights + self.offset
-        return np.asarray(1 / (1 + np.exp(-np.clip(log_odds, -50, 50))))
-
-
-@cache
-def shipped_model() -> tuple[MarkerModel, float]:
-    """Return the model that comes with the package, and the probability from which an alignment is a marker."""
-    plain = json.loads(MODEL.read_text(encoding="utf-8"))
-    mean, scale, weights = (np.array([plain[key][name] for name in COLUMNS]) for key in ("mean", "scale", "weights"))
-    return MarkerModel(mean, scale, weights, float(plain["offset"])), float(plain["threshold"])
+_BY_SIZE, _BY_QUOTIENT, _ENOUGH = 0.02, 0.08, 0.6
+"""A candidate's worth: its correlation, this for each doubling of its side, and this times its quotient up to 0.6."""
 
 
 @dataclass(frozen=True)
@@ -69,48 +46,39 @@ class Alignments:
     polarities: tuple[Polarity, ...]
     """Of each."""
     aligned: Aligned
-    """The alignments."""
+    """The alignments; their rows are those of the candidates here."""
+    evidence: NDArray[np.float64]
+    """(n, c) see `marker_evidence`."""
 
 
 def align_image(gray: NDArray[np.uint8], polarities: tuple[Polarity, ...] = ("dark", "light")) -> Alignments:
     """Return what could be aligned with a marker of one of the polarities in a (H, W) image."""
-    candidates = find_candidates(gray)
-    noise = noise_sigma_of(gray)
-    parts: list[tuple[NDArray[np.intp], Polarity, NDArray[np.float64]]] = []
-    scores = np.zeros(len(candidates))
+    candidates, sigma = find_candidates(gray), noise_sigma_of(gray)
     kinds = tuple((1 if polarity == "dark" else -1, polarity) for polarity in polarities)
+    scores = np.zeros(len(candidates))
     for sign, polarity in kinds:
         rows = np.flatnonzero(candidates.signs == sign)
         scores[rows] = correlations(gray, candidates.xy[rows], candidates.sides_px[rows], polarity)
-    worth = scores + _PREFER_LARGE * np.log2(np.maximum(candidates.sides_px, 8) / 20)
-    listed = [k for k in np.argsort(-worth, kind="stable") if scores[k] >= LEAST_CORRELATION]
-    chosen = np.array(_short_list(candidates, listed), dtype=np.intp)
+    chosen = _short_list(candidates, scores)
+    parts = []
     for sign, polarity in kinds:
         rows = chosen[candidates.signs[chosen] == sign]
-        parts.append((rows, polarity, scores[rows]))
-    aligned = [
-        align_candidates(
-            gray, candidates.xy[rows], candidates.sides_px[rows], polarity, candidates.quotients[rows], score, noise
-        )
-        for rows, polarity, score in parts
-    ]
-    kept = np.concatenate([rows[one.rows] for (rows, _, _), one in zip(parts, aligned, strict=True)])
-    return Alignments(
-        candidates[kept],
-        tuple(polarity for (_, polarity, _), one in zip(parts, aligned, strict=True) for _ in one.rows),
-        Aligned(
-            *(
-                np.concatenate([getattr(one, name) for one in aligned])
-                for name in ("theta", "noise", "evidence", "rows")
-            )
-        ),
-    )
+        aligned = align_candidates(gray, candidates.xy[rows], candidates.sides_px[rows], polarity, sigma)
+        parts.append(replace(aligned, rows=rows[aligned.rows]))
+    aligned = together(parts)
+    found, rows = candidates[aligned.rows], aligned.rows
+    evidence = marker_evidence(gray, aligned, found.quotients, scores[rows], sigma)
+    return Alignments(found, tuple("dark" if sign > 0 else "light" for sign in found.signs), aligned, evidence)
 
 
-def _short_list(candidates: MarkerCandidates, listed: list[np.intp]) -> list[np.intp]:
-    """Return the first `MOST_ALIGNED` of rows, without those near a better one of like size."""
+def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the rows of the candidates worth most, without those near a better one of like size."""
+    worth = scores + _BY_SIZE * np.log2(np.maximum(candidates.sides_px, 8) / 20)
+    worth += _BY_QUOTIENT * np.minimum(candidates.quotients, _ENOUGH)
     kept: list[np.intp] = []
-    for i in listed:
+    for i in np.argsort(-worth, kind="stable"):
+        if scores[i] < LEAST_CORRELATION:
+            continue
         before = np.array(kept, dtype=np.intp)
         gaps = np.hypot(*(candidates.xy[before] - candidates.xy[i]).T)
         smaller = np.minimum(candidates.sides_px[before], candidates.sides_px[i])
@@ -120,7 +88,7 @@ def _short_list(candidates: MarkerCandidates, listed: list[np.intp]) -> list[np.
         kept.append(i)
         if len(kept) == MOST_ALIGNED:
             break
-    return kept
+    return np.array(kept, dtype=np.intp)
 
 
 def detect_markers(
@@ -129,26 +97,31 @@ def detect_markers(
     """Return the markers of a (H, W) image, strongest first."""
     found = align_image(gray, polarities)
     model, threshold = shipped_model()
-    likely = model.probabilities(found.aligned.evidence)
+    likely = model.probabilities(found.evidence)
     rows = np.flatnonzero(likely > threshold)
-    theta, sides, responses = found.aligned.theta, found.aligned.sides_px, found.candidates.responses
-    rows = rows[suppress_non_maxima(theta[rows, :2], sides[rows], likely[rows])]
+    aligned, responses = found.aligned, found.candidates.responses
+    rows = rows[suppress_non_maxima(aligned.theta[rows, :2], aligned.sides_px[rows], likely[rows])]
     rows = rows[np.argsort(-responses[rows], kind="stable")]
-    affine = theta[:, 2:6].reshape(-1, 2, 2)
-    upright = affine @ upright_rotation(affine)
-    unexplained = np.exp(-found.aligned.evidence[:, COLUMNS.index("unexplained")])
-    return tuple(
-        Detection(
-            id=number,
-            xy=theta[k, :2],
-            size=float(sides[k]),
-            polarity=found.polarities[k],
-            response=float(responses[k]),
-            signature_distance=np.nan,
-            rank=1 + int((responses > responses[k]).sum()),
-            affinity=upright[k],
-            explained=float(1 - min(unexplained[k], 1.0)),
-            probability=float(likely[k]),
-        )
-        for number, k in enumerate(rows)
+    return tuple(_detection(gray, found, int(row), number, float(likely[row])) for number, row in enumerate(rows))
+
+
+def _detection(gray: NDArray[np.uint8], found: Alignments, row: int, number: int, probability: float) -> Detection:
+    """Return one alignment as a detection, upright."""
+    aligned, responses, theta = found.aligned, found.candidates.responses, found.aligned.theta[row]
+    affine = theta[2:6].reshape(2, 2)
+    rotation = upright_rotation(affine[None])[0]
+    unexplained = np.exp(-found.evidence[row, COLUMNS.index("unexplained")])
+    return Detection(
+        id=number,
+        xy=theta[:2],
+        size=float(aligned.sides_px[row]),
+        polarity=found.polarities[row],
+        response=float(responses[row]),
+        signature_distance=np.nan,
+        rank=1 + int((responses > responses[row]).sum()),
+        affinity=affine @ rotation,
+        explained=float(1 - min(unexplained, 1.0)),
+        probability=probability,
+        perspective=rotation.T @ theta[6:8],
+        covariance=center_covariance(gray, aligned, row, found.polarities[row]),
     )

@@ -31,7 +31,7 @@ _TEMPLATE_BLUR = 0.05**2
 _LIMIT_PX = 2000.0
 """Largest size that is accepted, px."""
 
-_FLOOR_PX, _DITHER = 0.003, 0.5
+FLOOR_PX, DITHER = 0.003, 0.5
 """Below this noise in grey levels rounding errs alike along an edge; then this error is added to the covariance."""
 
 
@@ -148,7 +148,7 @@ def _refined(
     linear[:, :2, :2] = np.eye(2)
     linear[:, 2:4, 2:4] = linear[:, 4:6, 4:6] = rotation.transpose(0, 2, 1)
     spread = linear @ covariance[:, :6, :6] @ linear.transpose(0, 2, 1)
-    spread += np.where(noise < _DITHER**2, _FLOOR_PX**2, 0.0)[:, None, None] * np.eye(6)
+    spread += np.where(noise < DITHER**2, FLOOR_PX**2, 0.0)[:, None, None] * np.eye(6)
     return Refined(
         xy=np.where(keep, theta[:, :2], positions),
         affine=np.where(keep[:, None], affine @ rotation, np.nan),

@@ -1,14 +1,18 @@
-"""Alignment of a printed pattern in any light: planes of gain and offset, a tone exponent, clipped pixels left out.
+"""Alignment of a printed pattern in any light: tone, planes of gain and offset, blur along a direction, covers.
 
-The model is `refine.model`'s with three things that photographs add. *Tone*: a level l of the print shows as l^γ, for a
-camera's tone curve and a printer's together. *Light*: gain and offset vary over the marker as planes. *Clipping*:
-where model and image are both at white, nothing is compared. Tone is fitted first; planes second, and kept only where
-they explain a fifth of what was left, for planes from the start let blur explain a pattern away.
+The model is `refine.model`'s with what photographs add. *Tone*: a level l of the print shows as l^γ, for a camera's
+tone curve and a printer's together. *Light*: gain and offset vary over the marker as planes. *Motion*: blur is wider
+along one direction. *Clipping*: where model and image are both at white, nothing is compared. *Covers*: where much is
+left that noise does not explain, pixels that are far off count little (Geman & McClure), at first only those very far.
+Tone is fitted first; planes and motion after it, and kept only where the log likelihood gains 25, for planes from the
+start let blur explain a pattern away.
 
-Parameters: the eleven of `refine.model`, then the slopes of gain along x and y, those of the offset, and ln γ. Slopes
-are shares of the gain a side, measured from the anchor: its x, y and the side, px.
+Parameters: the eleven of `refine.model`; the slopes of gain along x and y, and those of the offset; ln γ; and d, e of
+the blur's covariance ((b + d, e), (e, b − d)), px². Slopes are shares of the gain a side, measured from the anchor: its
+x, y and the side, px.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +23,7 @@ from peakmark.refine.model import levels_at
 
 Values = NDArray[np.float64]
 
-PARAMETERS = 16
+PARAMETERS = 18
 """Number of parameters."""
 
 _GRID = "const f8[line_count] lines, const i8[intervals,intervals] index, const f8[base_count] base"
@@ -27,19 +31,25 @@ _COARSE = "const f8[sample_count,2] samples, const f8[sample_count] expected, co
 _PIXELS = "const f4[n] seen, const i4[n,2] xy"
 
 _lit_residuals = function(
-    f"status lit_residuals({_PIXELS}, const f8[16] theta, const f8[3] anchor, {_GRID}, f8[n] r, f8[16,n] jacobian)"
+    f"status lit_residuals({_PIXELS}, const f8[18] theta, const f8[3] anchor, {_GRID}, f8[n] r, f8[18,n] jacobian)"
 )
 _lit_fit = function(
-    f"status lit_fit({_PIXELS}, const f8[16] start, const f8[3] anchor, {_GRID}, const f8[16] mean, "
-    "const f8[16] precision, i8 steps, f8 enough, f8[16] theta, f8[1] noise, b1[1] converged)"
+    f"status lit_fit({_PIXELS}, const f8[18] start, const f8[3] anchor, {_GRID}, const f8[18] mean, "
+    "const f8[18] precision, i8 steps, f8 enough, f8[18] theta, f8[1] noise, b1[1] converged)"
 )
 _align_in_light = function(
     f"status align_in_light(const u1[height,width] gray, const f8[2] center, f8 size, {_GRID}, f8 extent, f8 focal, "
-    f"{_COARSE}, f8 hopeless, f8[16] theta, f8[1] noise, b1[1] converged, f8[1] ratio)"
+    f"{_COARSE}, f8 sigma, f8 hopeless, f8[18] theta, f8[4] figures)"
 )
 _correlate_candidates = function(
     f"status correlate_candidates(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, {_COARSE}, "
     "const f8[shift_count,2] shifts, f8[n] found)"
+)
+
+
+_lit_covariance = function(
+    "status lit_covariance(const u1[height,width] gray, const f8[18] theta, const f8[2] center, f8 size, "
+    f"{_GRID}, f8 extent, f8 focal, f8 cut, f8[18,18] covariance)"
 )
 
 
@@ -52,7 +62,7 @@ def lit_residuals(
     index: NDArray[np.int64],
     base: Values,
 ) -> tuple[Values, Values]:
-    """Return image − prediction (n,) at pixels (n, 2) and the prediction's derivatives (16, n).
+    """Return image − prediction (n,) at pixels (n, 2) and the prediction's derivatives (18, n).
 
     `index` (k, k) says which of the printed levels `base` each cell of the pattern has. Beyond the pattern's horizon
     the residual is 255; where image and prediction are both white (253.5 and more) it is 0, without derivatives.
@@ -104,6 +114,22 @@ def correlate_candidates(
     return found
 
 
+@dataclass(frozen=True)
+class LitFit:
+    """A pattern aligned in any light."""
+
+    theta: Values
+    """(18,) parameters."""
+    noise: float
+    """Mean square of the residuals, grey levels²; 0 where the alignment was given up."""
+    step: float
+    """Length of the last step, σ²: below 1 it converged; inf where it was given up."""
+    ratio: float
+    """Noise over gain², beyond the image's own, of the best fit to the softened image; inf where there was none."""
+    cut: float
+    """Residuals of this many grey levels counted a quarter, for something covers the pattern; 0 where all count."""
+
+
 def align_in_light(
     gray: NDArray[np.uint8],
     center: Values,
@@ -116,14 +142,35 @@ def align_in_light(
     samples: Values,
     template: Values,
     shapes: Values,
+    sigma: float,
     hopeless: float,
-) -> tuple[Values, float, bool, float]:
-    """Align the pattern near a position; return parameters (16,), noise, whether it converged, and the soft ratio.
+) -> LitFit:
+    """Align the pattern near a position, as `refine.align.align`; given up where the soft ratio exceeds `hopeless`.
 
-    As `refine.align.align`. The anchor of the planes is the centre and size that were given; the soft ratio is the
-    noise over gain² of the best fit to the softened image, and the alignment is given up where it exceeds `hopeless`.
+    `sigma` is the noise of the image's pixels. The anchor of the planes is the centre and size that were given.
     """
-    theta, noise, converged, ratio = np.empty(PARAMETERS), np.empty(1), np.empty(1, np.bool_), np.empty(1)
+    theta, figures = np.empty(PARAMETERS), np.empty(4)
     grid, coarse = (lines, index, base), (samples, template, shapes)
-    _align_in_light(gray, center, size, *grid, extent, focal, *coarse, hopeless, theta, noise, converged, ratio)
-    return theta, float(noise[0]), bool(converged[0]), float(ratio[0])
+    _align_in_light(gray, center, size, *grid, extent, focal, *coarse, sigma, hopeless, theta, figures)
+    return LitFit(theta, *figures.tolist())
+
+
+def lit_covariance(
+    gray: NDArray[np.uint8],
+    theta: Values,
+    center: Values,
+    size: float,
+    lines: Values,
+    index: NDArray[np.int64],
+    base: Values,
+    extent: float,
+    focal: float,
+    cut: float,
+) -> Values:
+    """Return the covariance (18, 18) of the parameters of `align_in_light`, by `refine.align.sandwich`.
+
+    Parameters that were not fitted have none, nearly; all is nan where the pixels are too few.
+    """
+    covariance = np.empty((PARAMETERS, PARAMETERS))
+    _lit_covariance(gray, theta, center, size, lines, index, base, extent, focal, cut, covariance)
+    return covariance

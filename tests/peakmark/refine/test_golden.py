@@ -20,7 +20,7 @@ def measured(golden: Columns) -> Columns:
     return measure(Views(golden["image"].astype(np.uint8), golden["xy"], golden["sides_px"]))
 
 
-@pytest.mark.parametrize("name", ["align_converged", "lit_converged", "pixels"])
+@pytest.mark.parametrize("name", ["align_converged", "pixels"])
 def test_decisions_are_the_same(name: str, golden: Columns, measured: Columns) -> None:
     np.testing.assert_array_equal(measured[name], golden[name])
 
@@ -31,18 +31,18 @@ def test_derivatives_differ_in_the_last_bits_only(name: str, golden: Columns, me
     np.testing.assert_allclose(measured[name], golden[name], rtol=1e-11, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["align", "lit"])
-def test_fits_end_in_the_same_place(kind: str, golden: Columns, measured: Columns) -> None:
+def test_fits_end_in_the_same_place(golden: Columns, measured: Columns) -> None:
     """Where there is a marker: elsewhere a fit may run off, and a last bit decides whither."""
-    done = (golden[f"{kind}_converged"] == 1) & (np.arange(len(golden["xy"])) < 12)
+    done = (golden["align_converged"] == 1) & (np.arange(len(golden["xy"])) < 12)
     assert done.sum() >= 11
-    for name, rtol in (("theta", 1e-5), ("noise", 1e-7)):
-        found, expected = (columns[f"{kind}_{name}"][done] for columns in (measured, golden))
-        np.testing.assert_allclose(found, expected, rtol=rtol, atol=1e-6)
-    if kind == "align":
-        np.testing.assert_allclose(measured["align_covariance"][done], golden["align_covariance"][done], rtol=1e-4)
+    for name, rtol in (("theta", 1e-5), ("noise", 1e-7), ("covariance", 1e-4)):
+        found, expected = (columns[f"align_{name}"][done] for columns in (measured, golden))
+        np.testing.assert_allclose(found, expected, rtol=rtol, atol=1e-6 if name == "theta" else 0)
 
 
-@pytest.mark.parametrize(("name", "rtol"), [("measured", 1e-9), ("correlation", 1e-5), ("lit_ratio", 1e-5)])
-def test_figures_are_the_same(name: str, rtol: float, golden: Columns, measured: Columns) -> None:
-    np.testing.assert_allclose(measured[name], golden[name], rtol=rtol)
+def test_the_coarse_search_by_groups_misses_little_of_the_search_of_all_shapes(
+    golden: Columns, measured: Columns
+) -> None:
+    lost = golden["correlation"] - measured["correlation"]
+    assert np.abs(lost[:12]).max() < 0.02
+    assert lost.max() < 0.1

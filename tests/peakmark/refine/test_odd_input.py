@@ -9,7 +9,7 @@ import pytest
 from peakmark.identification.alignment import _KNOTS, _SHIFTS, lit_pattern, lit_template, measure_alignment
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
-from peakmark.refine.lit import align_in_light, correlate_candidates, lit_residuals
+from peakmark.refine.lit import align_in_light, correlate_candidates, lit_covariance, lit_residuals
 
 ODD = np.array([-np.inf, -1e300, -1e6, -40.0, -0.5, 0.0, 1e-300, 3.2, 17.0, 1e6, 1e300, np.inf, np.nan])
 
@@ -33,8 +33,10 @@ def test_alignments_of_anything_anywhere_come_back(seed: int) -> None:
     theta, covariance, _, converged = align(image, center, size, plain.lines, plain.levels, plain.extent, 90.0, *extra)
     assert converged or np.isnan(covariance).all()
     assert theta.shape == (11,)
-    lit, noise, done, _ = align_in_light(image, center, size, *pattern, 0.5, 90.0, *template, shape_grid(), 1.0)
-    assert not done or (np.isfinite(lit).all() and noise > 0)
+    lit = align_in_light(image, center, size, *pattern, 0.5, 90.0, *template, shape_grid(), 2.0, 1.0)
+    assert not np.isfinite(lit.step) or (np.isfinite(lit.theta).all() and lit.noise > 0)
+    covariance = lit_covariance(image, lit.theta, center, size, *pattern, 0.5, 90.0, lit.cut)
+    assert covariance.shape == (18, 18)
     (score,) = correlate_candidates(image, center[None], np.array([size]), *template, shape_grid(), _SHIFTS)
     assert -1.001 <= score <= 1.001
 
@@ -43,13 +45,15 @@ def test_alignments_of_anything_anywhere_come_back(seed: int) -> None:
 def test_measures_of_any_parameters_come_back(seed: int) -> None:
     rng = np.random.default_rng(seed)
     image, pattern = odd_image(rng), lit_pattern("light")
-    theta = rng.normal([30, 30, 20, 0, 0, 20, 0, 0, 99, 30, 0.5, 0, 0, 0, 0, 0], 3.0)
-    odd = rng.random(16) < 0.15
+    theta = rng.normal([30, 30, 20, 0, 0, 20, 0, 0, 99, 30, 0.5, 0, 0, 0, 0, 0, 0, 0], 3.0)
+    odd = rng.random(18) < 0.15
     theta[odd] = rng.choice(ODD, odd.sum())
-    figures = measure_alignment(image, theta, np.array([30.0, 30.0]), 20.0, *pattern, 0.5, _KNOTS)
-    assert figures.shape == (7,)
+    cut = float(rng.choice([0.0, 8.0]))
+    figures, sums, counts = measure_alignment(image, theta, np.array([30.0, 30.0]), 20.0, *pattern, 0.5, _KNOTS, cut)
+    assert (figures.shape, sums.shape) == ((8,), (121,))
+    assert ((counts >= 0) & (counts <= image.size)).all()
     height, width = image.shape
     pixels = chosen_pixels(image, theta, pattern[0], 0.5, 300)
     assert ((pixels >= 0) & (pixels < [width, height])).all()
     residual, slopes = lit_residuals(image, pixels, theta, np.array([30.0, 30.0, 20.0]), *pattern)
-    assert (len(residual), slopes.shape) == (len(pixels), (16, len(pixels)))
+    assert (len(residual), slopes.shape) == (len(pixels), (18, len(pixels)))
