@@ -207,7 +207,7 @@ def _surroundings(mi: Any, light: Environment) -> dict[str, Any]:
     if light.image is None:
         return {"type": "constant", "radiance": _uniform(light.radiance)}
     grey_or_rgb = np.atleast_3d(light.image)
-    pixels = np.ascontiguousarray(np.broadcast_to(grey_or_rgb, (*grey_or_rgb.shape[:2], 3)))
+    pixels = np.array(np.broadcast_to(grey_or_rgb, (*grey_or_rgb.shape[:2], 3)), order="C")  # Mitsuba wants it writable
     # Mitsuba's map has y up, and its middle column looks along z: upright, that is −y
     rotation = mi.ScalarTransform4f().rotate([0, 0, 1], light.yaw_deg + 180) @ mi.ScalarTransform4f().rotate(
         [1, 0, 0], 90

@@ -1,13 +1,16 @@
 """The surroundings behind a scene."""
 
+import cv2
 import numpy as np
 import pytest
-from peaksim import Camera, Scene
+from peaksim import Camera, Mesh, Scene, render
 from peaksim.area.cells import Rays
 from peaksim.area.integrate import band_rays
 from peaksim.area.sky import Sky, in_channels, sky_levels, sky_of
 from peaksim.geometry.pose import look_at
 from peaksim.scene.lamps import Environment
+
+from tests.peaksim.traced.helpers import needs_tracing
 
 IMAGE = np.linspace(0, 1, 8 * 16, dtype=np.float32).reshape(8, 16)
 
@@ -43,6 +46,21 @@ def test_the_first_row_is_straight_up_and_yaw_turns_counter_clockwise() -> None:
     turned = sky_of(Scene(lights=(Environment(0.5, IMAGE, 90.0),)), is_baked=True)
     plain = sky_of(Scene(lights=(Environment(0.5, IMAGE),)), is_baked=True)
     assert levels_towards(turned, (-1, 0, 0.1))[0] == pytest.approx(levels_towards(plain, (0, 1, 0.1))[0], abs=1e-6)
+
+
+@needs_tracing
+@pytest.mark.parametrize("channels", [1, 3])
+def test_the_background_is_that_of_a_path_traced_image(channels: int) -> None:
+    image = cv2.GaussianBlur(np.random.default_rng(0).uniform(0, 1, (32, 64, 3)).astype(np.float32), (0, 0), 2)
+    light = Environment(0.9, image if channels == 3 else image[:, :, 0], 30.0)
+    red = Mesh("red", np.eye(3), np.array([[0, 1, 2]]), color=(100.0, 0.0, 0.0))  # far below what is seen
+    moved = Mesh("red", red.vertices_m - [0, 0, 9], red.faces, color=red.color)
+    scene, camera = Scene((), (moved,), (light,)), Camera(48, 36, 45.0, 45.0, 23.5, 17.5)
+    pose = look_at((0.3, -1, 0.6), (0, 0, 1.2))
+    traced = render(scene, camera, pose, "traced", samples=64).linear
+    rays, rotations = band_rays(camera, slice(0, 36)), pose[None, :3, :3]
+    assert np.abs(sky_levels(sky_of(scene, is_baked=True), rays, rotations, 3) - traced).max() < 3
+    assert np.ptp(traced) > 20
 
 
 def test_without_baked_light_the_background_is_plain() -> None:
