@@ -1,4 +1,4 @@
-/* Serves peaksim/area/rays.py: what rays and convex regions meet in a tree of faces. */
+/* Serves peaksim/area/rays.py: what rays meet in a tree of faces. */
 
 #include "area_rays.h"
 
@@ -37,29 +37,4 @@ EXPORT void nearest_faces(const double *boxes, int64_t nodes, const int64_t *lin
         const double *origin = origins + (n_origins > 1 ? 3 * i : 0);
         found[i] = nearest_face(solids, ids, origin, rays + 3 * i, parameters + i);
     }
-}
-
-/* Whether a box lies wholly outside one of the borders n·p + d ≥ 0. */
-static bool is_outside(const double *box, const double *planes, int64_t n) {
-    for (const double *plane = planes; plane < planes + 4 * n; plane += 4) {
-        double reach = plane[3];
-        for (int k = 0; k < 3; k++) reach += plane[k] * box[plane[k] > 0.0 ? k + 3 : k];
-        if (reach < 0.0) return true;
-    }
-    return false;
-}
-
-/* List the scene faces whose boxes reach into a convex region of m borders; return how many. */
-EXPORT int64_t list_faces_in(const double *boxes, int64_t nodes, const int64_t *links, const int64_t *ids,
-                             int64_t count, const double *planes, int64_t m, int64_t *found) {
-    Stack stack = stack_of(count);
-    int64_t n_found = 0;
-    (void)nodes;
-    while (stack.top > 0) {
-        const int64_t node = stack.nodes[--stack.top], first = links[2 * node], n = links[2 * node + 1];
-        if (is_outside(boxes + 6 * node, planes, m)) continue;
-        if (n == 0) push_children(&stack, first);
-        for (int64_t face = first; face < first + n; face++) found[n_found++] = ids[face];
-    }
-    return n_found;
 }

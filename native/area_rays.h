@@ -92,4 +92,14 @@ static inline bool meets_any(Solids solids, const double *origin, const double *
     return false;
 }
 
+/* Whether a box lies wholly outside one of the borders n·p + d ≥ 0. */
+static inline bool is_outside(const double *box, const double *planes, int64_t n) {
+    for (const double *plane = planes; plane < planes + 4 * n; plane += 4) {
+        double reach = plane[3];
+        for (int k = 0; k < 3; k++) reach += plane[k] * box[plane[k] > 0.0 ? k + 3 : k];
+        if (reach < 0.0) return true;
+    }
+    return false;
+}
+
 #endif

@@ -17,10 +17,6 @@ _nearest_faces = function(
     "void nearest_faces(const f8[nodes,6] boxes, const i8[nodes,2] links, const f8[count,10] faces, "
     "const i8[count] ids, const f8[n_origins,3] origins, const f8[n,3] rays, i8[n] found, f8[n] parameters)"
 )
-_list_faces_in = function(
-    "i8 list_faces_in(const f8[nodes,6] boxes, const i8[nodes,2] links, const i8[count] ids, const f8[m,4] planes, "
-    "i8[count] found)"
-)
 
 
 class Solids(NamedTuple):
@@ -104,12 +100,3 @@ def first_faces(
     found, parameters = np.empty(len(rays), np.int64), np.empty(len(rays))
     _nearest_faces(*solids, np.atleast_2d(origins), rays, found, parameters)
     return found, parameters
-
-
-def list_faces_in(solids: Solids, planes: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the scene faces, in increasing order, whose boxes reach into a convex region.
-
-    `planes` (m, 4) are its borders: normal and offset, n·p + d ≥ 0 inside.
-    """
-    found = np.empty(len(solids.ids), np.int64)
-    return np.sort(found[: _list_faces_in(*solids[:2], solids.ids, planes, found)])

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.calibration_file import read_calibration, write_calibration
 from peaksim.camera.thin_lens import ThinLens
 from peaksim.errors import SceneError
+from peaksim.native import function
 
 Points = NDArray[np.float64]
 
@@ -27,7 +28,15 @@ _DERIVED = cast(float, None)
 """Default of numbers that follow from others."""
 _NEWTON_STEPS = 50
 _CONVERGED = 1e-12
-"""Steps of Newton's method end when the last one is below this, in tan of the angle; 5·10⁻¹⁰ px at f = 500 px."""
+"""Newton's method for fisheyes ends when the last step is below this, in radians."""
+
+
+_distort_brown = function(
+    "void distort_brown(const f8[n,2] flat, const f8[14] terms, const f8[3,3]? tilt, f8 fold_radius, f8[n,2] out)"
+)
+_invert_brown = function(
+    "void undistort_brown(const f8[n,2] images, const f8[14] terms, const f8[3,3]? tilt, f8 fold_radius, f8[n,2] out)"
+)
 
 
 @dataclass(frozen=True)
@@ -231,32 +240,6 @@ def _brown_terms(distortion: tuple[float, ...]) -> list[float]:
     return [*distortion, *(14 - len(distortion)) * (0.0,)]
 
 
-def _distort_brown(flat: Points, distortion: tuple[float, ...]) -> tuple[Points, NDArray[np.float64]]:
-    """Return distorted (n, 2) normalised coordinates and their (n, 2, 2) derivative, without the sensor's tilt.
-
-    OpenCV, calib3d.
-    """
-    k1, k2, p1, p2, k3, k4, k5, k6, *prism, _, _ = _brown_terms(distortion)
-    x, y = flat[:, 0], flat[:, 1]
-    r2 = x * x + y * y
-    top, bottom = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    radial = top / bottom
-    slope = (k1 + r2 * (2 * k2 + 3 * r2 * k3) - radial * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / bottom
-    distorted = flat * radial[:, None]
-    distorted[:, 0] += 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    distorted[:, 1] += p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
-    derivative = np.empty((len(flat), 2, 2))
-    derivative[:, 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
-    derivative[:, 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
-    derivative[:, 0, 1] = derivative[:, 1, 0] = cross
-    if any(prism):
-        linear, square = np.array(prism).reshape(2, 2).T
-        distorted += r2[:, None] * (linear + r2[:, None] * square)
-        derivative += 2 * (linear + 2 * r2[:, None] * square)[:, :, None] * flat[:, None, :]
-    return distorted, derivative
-
-
 @lru_cache(maxsize=64)
 def _sensor_tilt(distortion: tuple[float, ...]) -> NDArray[np.float64] | None:
     """Return the (3, 3) homography from the plane across the optical axis to the tilted sensor; None without tilt."""
@@ -269,12 +252,6 @@ def _sensor_tilt(distortion: tuple[float, ...]) -> NDArray[np.float64] | None:
     rotation = about_y @ about_x
     onto_sensor = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
     return np.asarray(onto_sensor @ rotation)
-
-
-def _map_by(homography: NDArray[np.float64], flat: Points) -> Points:
-    """Return (n, 2) points mapped by a (3, 3) homography; nan on and beyond its horizon."""
-    mapped = flat @ homography[:, :2].T + homography[:, 2]
-    return np.asarray(mapped[:, :2] / np.where(mapped[:, 2:] > 0, mapped[:, 2:], np.nan))
 
 
 @lru_cache(maxsize=64)
@@ -294,38 +271,18 @@ def _project_brown(points: Points, distortion: tuple[float, ...]) -> Points:
     z = points[:, 2]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         flat = np.where(z[:, None] > 0, points[:, :2] / z[:, None], np.nan)
-        if not any(distortion):
-            return flat
-        flat[~(np.hypot(flat[:, 0], flat[:, 1]) < _fold_radius(distortion))] = np.nan
-        distorted, derivative = _distort_brown(flat, distortion)
-        distorted[~_keeps_sides(derivative)] = np.nan
-        tilt = _sensor_tilt(distortion)
-        return distorted if tilt is None else _map_by(tilt, distorted)
-
-
-def _keeps_sides(derivative: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return (n,) whether a lens maps around points without a fold, which tangential terms and prisms can make."""
-    determinant = derivative[:, 0, 0] * derivative[:, 1, 1] - derivative[:, 0, 1] * derivative[:, 1, 0]
-    return np.asarray((determinant > 0) & (derivative[:, 0, 0] + derivative[:, 1, 1] > 0))
+    if not any(distortion):
+        return flat
+    terms, distorted = np.array(_brown_terms(distortion)), np.empty_like(flat)
+    _distort_brown(flat, terms, _sensor_tilt(distortion), _fold_radius(distortion), distorted)
+    return distorted
 
 
 def _undistort_brown(distorted: Points, distortion: tuple[float, ...]) -> Points:
     """Invert the distortion by Newton's method from the image centre outwards; nan where it has no inverse."""
-    limit, tilt = _fold_radius(distortion), _sensor_tilt(distortion)
-    with np.errstate(all="ignore"):
-        distorted = distorted if tilt is None else _map_by(np.asarray(np.linalg.inv(tilt)), distorted)
-        flat = distorted.copy()
-        far = np.hypot(flat[:, 0], flat[:, 1]) >= limit
-        flat[far] *= (0.9 * limit / np.hypot(flat[far, 0], flat[far, 1]))[:, None]
-        for _ in range(_NEWTON_STEPS):
-            value, derivative = _distort_brown(flat, distortion)
-            step = np.linalg.solve(derivative, (distorted - value)[:, :, None])[:, :, 0] if len(flat) else flat
-            flat = flat + step
-            if not (np.abs(step) > _CONVERGED).any():
-                break
-        value, derivative = _distort_brown(flat, distortion)
-        wrong = ~(np.abs(value - distorted).max(axis=1, initial=0) < 1e-9) | ~_keeps_sides(derivative)
-        flat[wrong | ~(np.hypot(flat[:, 0], flat[:, 1]) < limit)] = np.nan
+    terms, flat, tilt = np.array(_brown_terms(distortion)), np.empty_like(distorted), _sensor_tilt(distortion)
+    untilt = None if tilt is None else np.linalg.inv(tilt)
+    _invert_brown(distorted, terms, untilt, _fold_radius(distortion), flat)
     return flat
 
 

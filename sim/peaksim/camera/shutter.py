@@ -13,10 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, rigid
 from peaksim.geometry.trajectory import Trajectory
+from peaksim.native import function
 
 _STEPS = 100
 """Most fixed-point steps from a point's row to the pose of that row and back."""
 _CONVERGED_PX = 1e-10
+
+_points_in_camera = function("void points_in_camera(const f8[n,3] points, const f8[n_poses,4,4] poses, f8[n,3] out)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,8 @@ class PosedCamera:
         return xy
 
     def _project_from(self, poses: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        in_camera = ((points - poses[:, :3, 3])[:, None, :] @ poses[:, :3, :3])[:, 0]
+        in_camera = np.empty_like(points)
+        _points_in_camera(points, poses, in_camera)
         return self.camera.project(in_camera)
 
     def rays(self, xy: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

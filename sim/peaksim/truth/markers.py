@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.faces import panel_counts, panels_m, triangles_m
-from peaksim.area.rays import first_faces, list_faces_in, solids_of
+from peaksim.area.rays import first_faces, solids_of
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth
 from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.polygon import clip_polygon, polygon_area
 from peaksim.geometry.pose import invert, transform
+from peaksim.native import function
 from peaksim.scene.scene import Mark, Quad, Scene, rectangle_m
 from peaksim.truth.outline import part_before, seen_outline
 from peaksim.truth.shape import CIRCLE, affinities, ellipses, rims_m
@@ -26,14 +27,17 @@ _CLOSE_SAMPLES = 192
 _BESIDE = np.cos(np.radians(89))
 """A corner more than 89° off the axis counts as behind the camera: its image is 57 focal lengths away."""
 _UNIT_SQUARE = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1]])
-_IN_PLANE_M = 1e-12
-"""Faces closer than this are in one plane."""
 OUTLINE_POINTS = 16
 """Points a side of the outline of a marker on bent paper."""
 _SAME_POINT = 1e-6
 """Share of a distance within which a ray's hit is the point that it was aimed at."""
 _MOMENTS = 32
 """Moments of the exposure at which a centre is projected."""
+_find_hidden = function(
+    "void find_hidden(const f8[nodes,6] boxes, const i8[nodes,2] links, const i8[count] ids, "
+    "const f8[count,4,3] faces, const f8[n,eyes_each,3] eyes, const f8[n,4,3] rectangles, const i8[n] numbers, "
+    "b1[n] hidden)"
+)
 
 
 def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
@@ -60,7 +64,7 @@ def marker_truth(scene: Scene, posed: PosedCamera) -> tuple[MarkerTruth, ...]:
     outlines = {k: posed.project(outline_m(scene.quads[owners[k]], marks[k])) for k in bent}
     shares[bent] = [bent_visible_fraction(scene, posed, int(owners[k]), marks[k]) for k in bent]
     shapes = affinities(posed, squares), ellipses(posed, rims)
-    means, covariances = projection_blur(posed.moments(_MOMENTS if posed.is_blurred else 1), centers)
+    means, covariances = projection_blur(posed.moments(_MOMENTS) if posed.is_blurred else (posed,), centers)
     return tuple(
         MarkerTruth(
             name=mark.name,
@@ -140,14 +144,16 @@ def _visible_fractions(
     `rectangles` are their corners: (n, 4, 3) in the world, (n, 4, 2) px, and (n, 4, 3) in the camera's frame.
     """
     corners, corners_xy, in_camera = rectangles
-    solids, faces = solids_of(scene, quads=True), face_corners_m(scene)
+    solids = solids_of(scene, quads=True)
     behind = _reach_behind(posed, corners_xy, in_camera)
     seen = np.array([_may_be_seen(posed, *rectangle) for rectangle in zip(in_camera, corners_xy, strict=True)]) & facing
     shares, counts = np.zeros(len(corners)), panel_counts(scene.quads)
     first_panels = np.cumsum(counts) - counts
+    numbers = first_panels[owners]
+    hidden_ones = np.zeros(len(corners), dtype=bool)
+    hidden_ones[seen] = find_hidden(scene, posed, numbers[seen], corners[seen], corners_xy[seen])
     for k in np.flatnonzero(seen):
-        number = int(first_panels[owners[k]])
-        hidden = _is_hidden(posed, solids, faces, number, corners[k], corners_xy[k])
+        number, hidden = int(numbers[k]), bool(hidden_ones[k])
         if behind[k]:
             shares[k] = _printed_share(posed, solids, number, corners[k], in_camera[k], hidden)
             continue
@@ -187,20 +193,6 @@ def _printed_share(
     return float(seen.mean() * (high - low).prod())
 
 
-def faces_before(
-    faces: NDArray[np.float64], number: int, among: NDArray[np.int64] | None = None
-) -> NDArray[np.float64]:
-    """Return those of (f, 4, 3) faces that may hide one of them: of faces in its own plane the later ones are seen.
-
-    `among` are the numbers of those that come into question, of all faces by default.
-    """
-    order = np.arange(len(faces)) if among is None else among
-    first, second, _, last = faces[number]
-    normal = _cross(second - first, last - first)
-    in_plane = (np.abs((faces[order] - first) @ normal) <= _IN_PLANE_M * np.linalg.norm(normal)).all(axis=1)
-    return faces[order[np.where(in_plane, order > number, order != number)]]
-
-
 def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float | None:
     """Return the share of a rectangle's image area in the image, None where its sides bend or pass behind us."""
     if _is_inside(posed, corners_xy):
@@ -211,29 +203,27 @@ def _share_inside(posed: PosedCamera, corners_xy: NDArray[np.float64]) -> float 
     return polygon_area(clip_polygon(corners_xy, (-0.5, -0.5), end)) / polygon_area(corners_xy)
 
 
-def _is_hidden(
+def find_hidden(
+    scene: Scene,
     posed: PosedCamera,
-    solids: "Solids",
-    faces: NDArray[np.float64],
-    number: int,
+    numbers: NDArray[np.int64],
     corners: NDArray[np.float64],
     corners_xy: NDArray[np.float64],
-) -> bool:
-    """Return whether a face may lie between a rectangle and the camera while its first or its last row is read."""
-    if posed.is_rolling and np.isnan(corners_xy).any():
-        return True
-    eyes = posed.row_poses([corners_xy[:, 1].min(), corners_xy[:, 1].max()])[:, :3, 3]
-    return any(
-        may_hide(eye, corners, faces_before(faces, number, faces_between(solids, eye, corners))).any() for eye in eyes
-    )
+) -> NDArray[np.bool_]:
+    """Return (n,) whether anything may lie between rectangles and the camera; False is certain.
 
-
-def faces_between(solids: "Solids", eye_m: NDArray[np.float64], corners_m: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the numbers of the faces near the pyramid from the eye to a rectangle (4, 3), found in the tree."""
-    normals, points = _pyramid(eye_m, corners_m)
-    offsets = -(normals * points).sum(axis=1)
-    slack = 1e-9 * np.linalg.norm(normals, axis=1) * (1 + np.abs(points).max())
-    return list_faces_in(solids, np.column_stack([normals, offsets + slack]))
+    `numbers` are the faces that the (n, 4, 3) rectangles lie on: of other faces in their plane the later ones are
+    shown. A rolling shutter looks from where it reads a rectangle's first row and its last one.
+    """
+    hidden = np.ones(len(numbers), dtype=bool)
+    known = np.isfinite(corners_xy).all(axis=(1, 2)) | (not posed.is_rolling)
+    rows = np.stack([corners_xy[known, :, 1].min(axis=1), corners_xy[known, :, 1].max(axis=1)], axis=1)
+    eyes = posed.row_poses(rows.ravel())[:, :3, 3]
+    eyes = eyes.reshape(-1, 2, 3) if posed.is_rolling else np.broadcast_to(eyes, (len(rows), 1, 3))
+    found, solids = np.empty(len(rows), dtype=bool), solids_of(scene, quads=True)
+    _find_hidden(*solids[:2], solids.ids, face_corners_m(scene), eyes, corners[known], numbers[known], found)
+    hidden[known] = found
+    return hidden
 
 
 def _may_be_seen(posed: PosedCamera, in_camera: NDArray[np.float64], corners_xy: NDArray[np.float64]) -> bool:
@@ -270,48 +260,6 @@ def _bounds(
     diameter = float(np.hypot(*(high - low)))
     slack = 0.25 * diameter if diameter < min(camera.width, camera.height) / 2 else np.nan
     return low - slack, high + slack
-
-
-def may_hide(
-    eye_m: NDArray[np.float64], corners_m: NDArray[np.float64], faces: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Return (f,) whether each of (f, 4, 3) faces may lie between the eye and a rectangle (4, 3): False is certain.
-
-    A face cannot if it is wholly on the outer side of one of the four planes through the eye and a side of the
-    rectangle, or wholly behind the rectangle, or if its own plane has eye and rectangle on one side.
-    """
-    if len(faces) == 0:
-        return np.zeros(0, dtype=bool)
-    *inwards, normal = _pyramid(eye_m, corners_m)[0]
-    beyond = np.any(np.all((faces - eye_m) @ np.transpose(inwards) < 0, axis=1), axis=1)
-    behind = ((faces - corners_m[0]) @ normal < -1e-9 * np.linalg.norm(normal)).all(axis=1)
-    planes = _cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    sides = (np.vstack([corners_m, eye_m]) - faces[:, :1]) @ planes[:, :, None]
-    least = 1e-9 * np.linalg.norm(planes, axis=1)[:, None]
-    apart = (sides[:, :, 0] > least).all(axis=1) | (sides[:, :, 0] < -least).all(axis=1)
-    return np.asarray(~beyond & ~behind & ~apart)
-
-
-def _pyramid(
-    eye_m: NDArray[np.float64], corners_m: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (5, 3) inward normals of the pyramid from an eye to a rectangle (4, 3), and a point on each plane.
-
-    The first four planes pass through the eye and a side, the last one is the rectangle's own.
-    """
-    rays = corners_m - eye_m
-    inwards = _cross(rays, rays[[1, 2, 3, 0]])
-    inwards *= np.sign(inwards @ rays.mean(axis=0))[:, None]
-    normal = _cross(corners_m[1] - corners_m[0], corners_m[3] - corners_m[0])
-    normal *= -np.sign(normal @ rays[0])
-    return np.vstack([inwards, normal]), np.vstack([np.repeat(eye_m[None], 4, axis=0), corners_m[:1]])
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cross products of (..., 3) vectors; several times faster than NumPy's for a few of them."""
-    x, y, z = np.moveaxis(a, -1, 0)
-    u, v, w = np.moveaxis(b, -1, 0)
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def visible_fraction(posed: PosedCamera, solids: "Solids", number: int, corners: NDArray[np.float64]) -> float:
