@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from peakmark.maps.locate import locate as locate
     from peakmark.maps.marker_map import MarkerMap as MarkerMap
     from peakmark.markers import patterns as marker  # noqa: F401 — a public name, like all others
+    from peakmark.report.picture import overlay as overlay
     from peakmark.version import __version__ as __version__
 
 __all__, __getattr__, __dir__ = lazy_names(
@@ -39,6 +40,7 @@ __all__, __getattr__, __dir__ = lazy_names(
         "load_map": "peakmark.maps.files",
         "locate": "peakmark.maps.locate",
         "marker": "peakmark.markers.patterns",
+        "overlay": "peakmark.report.picture",
         "surf": "peakmark.surf",
     },
 )
