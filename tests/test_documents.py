@@ -15,11 +15,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from peaksim import traced
+from peaksim import Camera, traced
 from peaksim.corpus import open_corpus
 
+from peakmark.cli.marker import sheet_tiles
+from peakmark.maps.files import load_map
+from peakmark.markers.sheet import pages, paper_size
 from tests.peaksim.corpus.helpers import child_environment
+from tests.photographs import Paper, photograph, pose_over, save_photograph
 from tests.places import ROOT
 
 PAGES = sorted(
@@ -29,6 +34,10 @@ PAGES = sorted(
 )
 
 NOT_RUN = {
+    "pip": "installs",
+    "peakmark calibrate": "needs photographs of a printed board; tests/peakmark/cli/test_calibrate.py has its own",
+    "peakmark map": "needs photographs of a room; tests/peakmark/cli/test_calibrate.py has its own",
+    "peakmark identify walk.mp4": "needs what those two write",
     "make": "sets this checkout up, or runs these tests",
     "git": "fetches this checkout",
     "cd": "goes into it",
@@ -117,14 +126,27 @@ def run_page(page: str, folder: Path, *, slow: bool) -> dict[str, Any]:
     return names
 
 
+RUN = (
+    "CORPUS.md",
+    "README.md",
+    "docs/cave.md",
+    "docs/detectability.md",
+    "docs/detectors.md",
+    "docs/driving.md",
+    "docs/poses.md",
+    "docs/rendering.md",
+    "docs/sensors.md",
+    "docs/surf.md",
+)
+"""Pages with examples that the default tests run."""
+
+RUN_SLOWLY = ("docs/cave.md", "docs/driving.md", "docs/regress.md")
+"""Pages with long commands."""
+
+
 def test_these_are_the_pages_with_examples() -> None:
-    assert [page for page in PAGES if wanted(page, slow=False)] == [
-        "CORPUS.md",
-        "README.md",
-        "docs/detectors.md",
-        "docs/sensors.md",
-    ]
-    assert [page for page in PAGES if wanted(page, slow=True)] == ["README.md"]
+    assert tuple(page for page in PAGES if wanted(page, slow=False)) == RUN
+    assert tuple(page for page in PAGES if wanted(page, slow=True)) == RUN_SLOWLY
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -139,19 +161,52 @@ def test_a_block_says_what_it_is(page: str) -> None:
             assert commands == [], f"{page}:{step.line}"
 
 
+def lay_out_a_photograph(folder: Path) -> None:
+    """Write what a reader has in hand: photo.jpg of the printed sheet, and cam.yaml."""
+    page = pages(sheet_tiles("array-5", 60.0, "dark", "energy", None, 1), paper_size("a4"))[0]
+    camera = Camera(960, 720, 690.0)
+    image = photograph(Paper.of(page), camera, pose_over(0.6, 30, 20, 10), np.random.default_rng(0))
+    save_photograph(folder / "photo.jpg", image)
+    camera.save(folder / "cam.yaml")
+
+
 def test_the_readme_runs(tmp_path: Path) -> None:
+    lay_out_a_photograph(tmp_path)
     names = run_page("README.md", tmp_path, slow=False)
-    assert names["pose"].world_from_camera[:3, 3] == pytest.approx((0.0, 0.3, 0.7), abs=0.001)
-    assert len(names["points"]) == 200
-    assert {array.code for array in names["decode_arrays"](names["markers"], image=names["image"])} == {3, 5}
-    assert (tmp_path / "out/corpus_small/manifest.json").is_file()
+    assert {array.code for array in names["found"].arrays} == {3, 5}
+    true = names["trajectory"].at(0.0)
+    assert names["where"].world_from_camera[:3, 3] == pytest.approx(true[:3, 3], abs=0.005)
+
+
+def test_the_page_of_poses_runs(tmp_path: Path) -> None:
+    lay_out_a_photograph(tmp_path)
+    names = run_page("docs/poses.md", tmp_path, slow=False)
+    assert len(names["rows"]) == 3
+    assert (tmp_path / "out/2.png").is_file()
+    (toml,) = (step.text for step in STEPS["docs/poses.md"] if step.language == "toml")
+    (tmp_path / "map.toml").write_text(toml, encoding="utf-8")
+    assert len(load_map(tmp_path / "map.toml")) == 4
+
+
+def test_the_pages_of_driving_arrays_and_surf_run(tmp_path: Path) -> None:
+    for page in ("driving", "cave", "surf", "rendering", "detectability"):
+        (tmp_path / page).mkdir()
+    driving = run_page("docs/driving.md", tmp_path / "driving", slow=False)
+    assert driving["pose"].world_from_camera[:3, 3] == pytest.approx((0.0, 0.3, 0.7), abs=0.001)
+    cave = run_page("docs/cave.md", tmp_path / "cave", slow=False)
+    assert {array.code for array in cave["decode_arrays"](cave["markers"], image=cave["image"])} == {3, 5}
+    assert len(run_page("docs/surf.md", tmp_path / "surf", slow=False)["points"]) == 200
+    run_page("docs/rendering.md", tmp_path / "rendering", slow=False)
+    run_page("docs/detectability.md", tmp_path / "detectability", slow=False)
+    assert (tmp_path / "detectability/out/envelope/envelope.png").is_file()
 
 
 @pytest.mark.slow
-def test_the_long_commands_of_the_readme_run(tmp_path: Path) -> None:
-    run_page("README.md", tmp_path, slow=True)
-    assert (tmp_path / "out/compare/report.html").is_file()
-    assert (tmp_path / "out/cave/overlay.png").is_file()
+@pytest.mark.parametrize("page", RUN_SLOWLY)
+def test_the_long_commands_of_the_pages_run(tmp_path: Path, page: str) -> None:
+    run_page(page, tmp_path, slow=True)
+    results = {"docs/cave.md": "out/cave/overlay.png", "docs/regress.md": "out/compare/report.html"}
+    assert (tmp_path / results.get(page, "out")).exists()
 
 
 def test_the_page_of_corpora_runs_and_its_tables_hold_frames_and_markers_apart(tmp_path: Path) -> None:
