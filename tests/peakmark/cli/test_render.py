@@ -41,7 +41,7 @@ def test_bad_input_is_one_line(
     for arguments, words in (
         (["none"], "none: cannot be read"),
         (["cave", "--frames", "0"], "--frames: expected 1…100000, got 0"),
-        (["cave", "--renderer", "blender"], "--renderer: expected auto, exact, gl or traced, got blender"),
+        (["cave", "--renderer", "blender"], "--renderer: expected auto, exact, gl, pyrender or traced, got blender"),
     ):
         done = run("render", *arguments)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)
