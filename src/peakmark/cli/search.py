@@ -1,8 +1,8 @@
-"""The command that trains the decision of `identify(image)`."""
+"""The commands that train the decision of `identify(image)` and measure how far it reaches."""
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Option
 
@@ -10,7 +10,9 @@ from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Out, Quiet
 from peakmark.cli.terminal import FIGURES, new_console, print_path, print_table, progress_bar
 from peakmark.experiments.journal import Journal
+from peakmark.experiments.search.sweeps import SweepConfig, run_sweeps
 from peakmark.experiments.search.training import SearchTrainingConfig, collect_evidence, result_rows, train, write_model
+from peakmark.report.results import result_folder, write_json
 
 
 @examples(
@@ -38,3 +40,33 @@ def train_search(
     write_model(out, model)
     print_table(console, f"{images} + {empty} images · seed {seed}", FIGURES, result_rows(model))
     print_path(console, out / "general.json", "Model")
+
+
+@examples(
+    "python scripts/evaluate_search.py --workers 2", "python scripts/evaluate_search.py --markers 4 --out out/quick"
+)
+def evaluate_search(
+    out: Out = Path("out/reach"),
+    markers: Annotated[int, Option(help="Markers in each cell.")] = SweepConfig.markers,
+    seed: Annotated[int, Option(help="Seed of phases, rotations and noise.")] = SweepConfig.seed,
+    workers: Annotated[int, Option(help="Processes.")] = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Measure how far identify(image) reaches: noise, light, tone, motion, size and tilt, one at a time.
+
+    Writes result.json, with a 95 % interval each; an interrupted run resumes.
+    """
+    config = SweepConfig(markers, seed)
+    console = new_console(quiet)
+    journal = Journal.open(out, asdict(config))
+    with resumable(), progress_bar(console, "draw, identify") as bar:
+        rows = run_sweeps(config, journal, workers, bar.show)
+    with result_folder(out) as folder:
+        write_json(folder / "result.json", {"config": asdict(config), "cells": rows})
+    title = f"{markers} markers a cell"
+    print_table(console, title, FIGURES, [(_named(row), f"{row['found']} of {row['of']}") for row in rows])
+    print_path(console, out / "result.json", "Result")
+
+
+def _named(row: dict[str, Any]) -> str:
+    return f"{row['disturbance']} {row['value']:g} at {row['tilt_deg']:g}°"

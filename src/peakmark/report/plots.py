@@ -92,6 +92,19 @@ def roc(ax: Any, curves: dict[str, tuple[NDArray[np.float64], NDArray[np.float64
     ax.legend(frameon=False, loc="lower right")
 
 
+def reliability(
+    ax: Any, stated: NDArray[np.float64], rates: NDArray[np.float64], bounds: NDArray[np.float64], threshold: float
+) -> None:
+    """Draw (n,) rates with bounds (n, 2) over the (n,) probabilities that were stated, and where the decision falls."""
+    ax.plot([0, 1], [0, 1], color=CLUTTER_COLOUR, linewidth=1)
+    errors = np.abs(bounds.T - rates)
+    ax.errorbar(stated, rates, errors, fmt="o", markersize=4, color=MARKER_COLOUR, elinewidth=1)
+    ax.axvline(threshold, color="black", linewidth=1, linestyle="--", label=f"threshold {threshold:.2f}")
+    ax.set(title="What the search says, and how often it is so", xlabel="probability", ylabel="share that are markers")
+    ax.set(xlim=(0, 1.01), ylim=(0, 1.01))
+    ax.legend(frameon=False, loc="upper left")
+
+
 def response_over_vis(
     ax: Any, responses: NDArray[np.float32], distances: NDArray[np.float64], is_marker: NDArray[np.bool_]
 ) -> None:

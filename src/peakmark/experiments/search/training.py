@@ -8,6 +8,7 @@ the calibration and the threshold come from images that each of `FOLDS` models d
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,9 @@ from peakmark.experiments.search.lit_images import LitImage, empty_image, random
 from peakmark.identification.general import Alignments, align_image
 from peakmark.identification.marker_evidence import COLUMNS
 from peakmark.identification.trees import Trees, from_boosting
+from peakmark.report import plots
 from peakmark.report.results import result_folder, write_json
+from peakmark.score.statistics import wilson
 
 MARKER, CLUTTER, UNDECIDED = 1, 0, -1
 """Labels of an alignment; undecided are those on a marker but not at its place, and on markers cut or hardly seen."""
@@ -33,6 +36,9 @@ FOLDS = 5
 FALSE_AN_IMAGE = 1 / 20
 """Share of the images without markers in which the threshold allows a false detection. They are hostile: a third are
 drawn, full of blobs and tiles, and half have a random exposure; of 150 images of other photographs one had one."""
+
+BINS = (0.0, 0.01, 0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 0.99, 1.001)
+"""Of the reliability diagram."""
 
 LEAST_VISIBLE = 0.5
 """Share of a marker from which it is one to be found."""
@@ -138,6 +144,7 @@ def train(evidence: Evidence, config: SearchTrainingConfig) -> dict[str, Any]:
         "config": asdict(config),
         "columns": list(COLUMNS),
         "threshold": choose_threshold(likely, is_marker, images, config),
+        "reliability": reliability_of(likely, is_marker),
         "slope": slope,
         "offset": offset,
         "trees": trees.to_plain(),
@@ -176,6 +183,18 @@ def calibrate(sums: NDArray[np.float64], is_marker: NDArray[np.bool_]) -> tuple[
     return float(fitted.coef_[0, 0]), float(fitted.intercept_[0])
 
 
+def reliability_of(likely: NDArray[np.float64], is_marker: NDArray[np.bool_]) -> list[dict[str, Any]]:
+    """Return how often alignments of a probability are markers: a row of each of `BINS` that holds any."""
+    rows = []
+    for low, high in pairwise(BINS):
+        inside = (likely >= low) & (likely < high)
+        n, markers = int(inside.sum()), int(is_marker[inside].sum())
+        if n:
+            mean = float(likely[inside].mean())
+            rows.append({"mean": mean, "markers": markers, "of": n, "interval": list(wilson(markers, n))})
+    return rows
+
+
 def choose_threshold(
     likely: NDArray[np.float64], is_marker: NDArray[np.bool_], images: NDArray[np.int64], config: SearchTrainingConfig
 ) -> float:
@@ -186,10 +205,17 @@ def choose_threshold(
 
 
 def write_model(out: Path, model: dict[str, Any]) -> None:
-    """Write general.json and result.json."""
+    """Write general.json, result.json and reliability.png."""
+    kept = ("origin", "markers", "clutter", "threshold", "reliability")
     with result_folder(out) as folder:
         write_json(folder / "general.json", model)
-        write_json(folder / "result.json", {key: model[key] for key in ("origin", "markers", "clutter", "threshold")})
+        write_json(folder / "result.json", {key: model[key] for key in kept})
+        figure, ax = plots.new_figure(5.5, 5.0)
+        rows = model["reliability"]
+        bounds = np.array([row["interval"] for row in rows])
+        rates = np.array([row["markers"] / row["of"] for row in rows])
+        plots.reliability(ax, np.array([row["mean"] for row in rows]), rates, bounds, model["threshold"])
+        plots.save(figure, folder / "reliability.png")
 
 
 def result_rows(model: dict[str, Any]) -> list[tuple[str, Any]]:

@@ -56,6 +56,14 @@ def test_the_threshold_counts_images_without_markers_not_alignments() -> None:
     assert threshold == pytest.approx(0.2)  # of twenty images one, the fifth, may hold more
 
 
+def test_reliability_counts_each_alignment_once() -> None:
+    likely = np.array([0.005, 0.05, 0.05, 0.55, 0.999, 1.0])
+    rows = training.reliability_of(likely, np.array([False, False, True, True, True, True]))
+    assert [row["of"] for row in rows] == [1, 2, 1, 2]
+    assert [row["markers"] for row in rows] == [0, 1, 1, 2]
+    assert rows[1]["mean"] == pytest.approx(0.05)
+
+
 @pytest.mark.parametrize("kind", DRAWN)
 def test_drawn_grounds_depend_on_the_generator_alone(kind: str) -> None:
     one, same, other = (draw_ground(kind, np.random.default_rng(seed), 96) for seed in (1, 1, 2))
@@ -86,6 +94,9 @@ def test_a_small_training_gives_a_model_that_the_search_reads(tmp_path: Path) ->
     assert model["markers"] == (evidence.labels == MARKER).sum() > 3
     assert model["columns"] == list(training.COLUMNS)
     assert 0 <= model["threshold"] <= 1
+    training.write_model(tmp_path / "model", model)
+    written = {path.name for path in (tmp_path / "model").iterdir()}
+    assert written == {"general.json", "result.json", "reliability.png"}
     again = training.collect_evidence(config, Journal.open(tmp_path / "again", {}))
     assert np.array_equal(again.columns, evidence.columns)
 
