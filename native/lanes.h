@@ -5,9 +5,7 @@
 
 #include <string.h>
 
-#if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic ignored "-Wpsabi" /* lanes are passed between inlined functions only */
-#endif
 
 typedef double double4 __attribute__((vector_size(32)));
 typedef float float8 __attribute__((vector_size(32)));
