@@ -94,11 +94,13 @@ def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64]) -> ND
 def detect_markers(
     gray: NDArray[np.uint8], polarities: tuple[Polarity, ...] = ("dark", "light")
 ) -> tuple[Detection, ...]:
-    """Return the markers of a (H, W) image, strongest first."""
+    """Return the markers whose centres lie in a (H, W) image, strongest first."""
     found = align_image(gray, polarities)
     model, threshold = shipped_model()
     likely = model.probabilities(found.evidence)
-    rows = np.flatnonzero(likely > threshold)
+    size = np.array(gray.shape[::-1])
+    is_inside = ((found.aligned.theta[:, :2] > -0.5) & (found.aligned.theta[:, :2] < size - 0.5)).all(axis=1)
+    rows = np.flatnonzero((likely > threshold) & is_inside)
     aligned, responses = found.aligned, found.candidates.responses
     rows = rows[suppress_non_maxima(aligned.theta[rows, :2], aligned.sides_px[rows], likely[rows])]
     rows = rows[np.argsort(-responses[rows], kind="stable")]
