@@ -62,13 +62,17 @@ def test_sheets_are_as_large_and_as_tilted_as_drawn_and_wholly_seen(photos: Path
             assert marker["points_seen"] == [2] * 5
 
 
-def test_a_marker_lies_where_truth_says(photos: Path) -> None:
+@pytest.mark.parametrize("pattern", ["surf", "sift", "sift-range"])
+def test_a_marker_lies_where_truth_says(photos: Path, pattern: str) -> None:
     """The dark and light of a pattern, which is point-symmetric, correlate with its turn about the true centre."""
-    warped = {**BASE["warped"], "side_px": 40, "tilt_deg": 0, "sheets": 1, "border": 0.3}
+    kinds = [f"{pattern}-dark", f"{pattern}-light"]
+    warped = {**BASE["warped"], "side_px": 40, "tilt_deg": 0, "sheets": 1, "border": 0.3, "kinds": kinds}
     plan = plan_frame(spec(warped=warped), photos, 0)
     sample = make_sample(plan, "exact", spec().pictures)
     image = cv2.imdecode(np.frombuffer(sample.image, np.uint8), cv2.IMREAD_GRAYSCALE).astype(np.float32)
-    center = np.array(from_line(sample.record, "")["markers"][0]["points_xy"][0])
+    (truth,) = from_line(sample.record, "")["markers"]
+    assert truth["kind"] in kinds
+    center = np.array(truth["points_xy"][0])
 
     def difference(shift: np.ndarray) -> float:
         parts = [cv2.getRectSubPix(image, (25, 25), tuple(map(float, center + shift)))]

@@ -8,7 +8,9 @@ import pytest
 import trimesh
 from peaksim import load_scene, render
 from peaksim.errors import SceneError
+from peaksim.image_file import read_image
 from peaksim.scene.sheet_file import read_sheet
+from peaksim.shipped import ASSETS
 from PIL import Image
 
 HEAD = """
@@ -80,6 +82,16 @@ def test_a_printed_sheet_hangs_with_its_markers_where_it_states_them(tmp_path: P
     assert [(quad.name, [mark.name for mark in quad.marks]) for quad in hung] == [("s", ["s.m1"])]
 
 
+@pytest.mark.parametrize("limit", ["energy", "range"])
+def test_a_printed_sift_marker_is_the_shipped_pattern(limit: str, tmp_path: Path) -> None:
+    printed = {"page": 1, "center_mm": [72, 84], "pattern": "sift", "side_mm": 72, "polarity": "light", "limit": limit}
+    (tmp_path / "result.json").write_text(json.dumps({"page_mm": [144, 200], "markers": [printed]}))
+    texture, _, (mark,) = read_sheet(tmp_path)
+    assert mark.kind == ("sift-light" if limit == "energy" else "sift-range-light")
+    pattern = read_image(ASSETS / "markers" / f"{mark.kind}.png")
+    assert np.array_equal(texture.pixels[96:240, 72:216], pattern)
+
+
 def test_a_mesh_stands_where_it_is_put(tmp_path: Path) -> None:
     trimesh.creation.box((1, 2, 3)).export(tmp_path / "box.stl")
     pose = "center_m = [1.0, 0.0, 0.0]\nrotation_deg = [0, 90, 90]\n"
@@ -98,7 +110,7 @@ def test_a_mesh_stands_where_it_is_put(tmp_path: Path) -> None:
         (MARKER.replace("own.png", "../none.png"), r"markers\[0\].kind: expected a path inside"),
         (MARKER.replace("own.png", "wide.png"), r"kind: expected a square image, got 20×10 in 'wide.png'"),
         (MARKER.replace("own.png", "scene.toml"), r"markers\[0\].kind: .*expected an image"),
-        (MARKER.replace("own.png", "surf"), r"kind: expected one of surf-dark.* or an image file, got 'surf'"),
+        (MARKER.replace("own.png", "surf"), r"kind: expected one of .*surf-dark.* or an image file, got 'surf'"),
         (MARKER.replace("own.png", "surf-dark") + "bend_radius_m = 0.05\n", r"\[0\]: bend: radius_m: expected at"),
         ('[[meshes]]\nname = "a"\nfile = "no.glb"\n', r"meshes\[0\].file: expected a file, 'no.glb' is not in"),
         ('[[meshes]]\nname = "a"\nfile = "../no.glb"\n', r"meshes\[0\].file: expected a path inside"),

@@ -27,12 +27,19 @@ def table(**changes: Any) -> PosterTable:
     return PosterTable(**fields)
 
 
-@pytest.mark.parametrize(("side_m", "pitch_m"), [(0.05, 0.08), (0.0333, 0.0501), (0.061, 0.061)])
-def test_patterns_lie_where_the_marks_say(side_m: float, pitch_m: float) -> None:
-    texture, size_m, marks = print_poster(table(side_m=side_m, pitch_m=pitch_m), "p")
+@pytest.mark.parametrize(
+    ("side_m", "pitch_m", "dark", "light"),
+    [
+        (0.05, 0.08, "surf-dark", "surf-light"),
+        (0.0333, 0.0501, "sift-dark", "sift-light"),
+        (0.061, 0.061, "surf-range-dark", "sift-range-light"),
+    ],
+)
+def test_patterns_lie_where_the_marks_say(side_m: float, pitch_m: float, dark: str, light: str) -> None:
+    texture, size_m, marks = print_poster(table(side_m=side_m, pitch_m=pitch_m, kinds={"D": dark, "L": light}), "p")
     texel_m = side_m / 144
     assert [m.name for m in marks] == ["r0c1", "r1c0", "r1c1"]
-    assert [m.kind for m in marks] == ["surf-dark", "surf-light", "surf-dark"]
+    assert [m.kind for m in marks] == [dark, light, dark]
     assert np.allclose(size_m, np.array(texture.size) * texel_m, rtol=1e-12)
     assert np.abs(np.array(size_m) - [0.2, 0.3]).max() <= texel_m / 2
     rest = texture.pixels.copy()
