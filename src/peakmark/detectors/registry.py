@@ -5,7 +5,7 @@
 | surf | ours, OpenCV's key points; parameters as `surf.detect_and_describe` |
 | surf-paper | ours with the marker paper's 4 octaves × 2 layers |
 | surf-opencv | OpenCV's own, if this cv2 was built with OPENCV_ENABLE_NONFREE; the same parameters |
-| sift | OpenCV's SIFT with centred key points; `threshold` is its contrast threshold, plus `layers`, `strongest` |
+| sift | OpenCV's SIFT, centred; `laplacian` is the DoG's sign, `threshold` for contrast; also `layers`, `strongest` |
 | sift-opencv | the same as it comes: key points lie 0.25 px too far right and down |
 | vlfeat | VLFeat's SIFT through pycolmap; the response is its |DoG|, see `peakmark.detectors.vlfeat` |
 | cv2:NAME | any `cv2.Feature2D` that `cv2.NAME_create` makes, such as cv2:ORB; parameters as that function's |
@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from peaksim.toml_file import suggestion
 
 from peakmark import surf
+from peakmark.detectors.dog import dog_responses
 from peakmark.detectors.vlfeat import require_vlfeat, vlfeat_sift
 from peakmark.errors import InputError
 from peakmark.keypoints.image import as_gray
@@ -135,9 +136,14 @@ def opencv_sift(
     describe: bool = True,
     centred: bool = True,
 ) -> Keypoints:
-    """OpenCV's SIFT, strongest first; `enable_precise_upscale`, as key points are off by a quarter pixel without it."""
+    """OpenCV's SIFT, strongest first; `enable_precise_upscale`, as key points are off by a quarter pixel without it.
+
+    `response` is OpenCV's, without sign; `laplacian` is the sign of the DoG at the key point: +1 for a dark centre.
+    """
     detector = _opencv().SIFT_create(nOctaveLayers=layers, contrastThreshold=threshold, enable_precise_upscale=centred)
-    return _strongest_first(_run_opencv(detector, as_gray(image), describe, 128))[:strongest]
+    gray = as_gray(image)
+    found = _strongest_first(_run_opencv(detector, gray, describe, 128))[:strongest]
+    return found.with_columns(laplacian=np.sign(dog_responses(gray, found.xy, found.size / 2)))
 
 
 def opencv_feature(make: Callable[..., Any], describe: bool, image: ArrayLike, **parameters: Any) -> Keypoints:

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from peakmark.detectors.dog import dog_responses
 from peakmark.errors import InputError
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.markers.patterns import DOG_RATIO
 
 _MAX_KEYPOINTS = 1_000_000
 """So many that none is left out: pycolmap's own limit is 8192."""
@@ -58,7 +58,7 @@ def signed_by_dog(
 
     `laplacian` is +1 where G(2^⅓ σ) − G(σ) is positive: a dark centre, as for SURF.
     """
-    dog = np.array([dog_response(gray, center, s) for center, s in zip(xy, sigma, strict=True)])
+    dog = dog_responses(gray, xy, sigma)
     columns: dict[str, Any] = {
         "xy": xy,
         "size": 2 * sigma,
@@ -70,21 +70,3 @@ def signed_by_dog(
         "descriptors": descriptors,
     }
     return Keypoints(**columns)[np.argsort(-np.abs(dog), kind="stable")]
-
-
-def dog_response(gray: NDArray[np.uint8], xy: NDArray[np.float64], sigma: float) -> float:
-    """Return the DoG G(2^⅓ σ) − G(σ) of an image (0…1) at a position in px, edges repeated."""
-    reach = int(np.ceil(4 * DOG_RATIO * sigma))
-    nearest = np.rint(xy).astype(int)
-    offsets = np.arange(-reach, reach + 1)
-    rows = np.clip(nearest[1] + offsets, 0, gray.shape[0] - 1)
-    columns = np.clip(nearest[0] + offsets, 0, gray.shape[1] - 1)
-    window = gray[np.ix_(rows, columns)] / 255.0
-    across, down = (nearest[k] + offsets - xy[k] for k in (0, 1))
-    wide, narrow = (_normal(down, s) @ window @ _normal(across, s) for s in (DOG_RATIO * sigma, sigma))
-    return float(wide - narrow)
-
-
-def _normal(x: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    weights = np.exp(-(x**2) / (2 * sigma**2))
-    return np.asarray(weights / weights.sum())

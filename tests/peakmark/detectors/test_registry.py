@@ -142,7 +142,7 @@ def test_positions_alone_are_key_points(own, found):
     assert (keypoints.angle == -1).all()
 
 
-@pytest.mark.parametrize("name", ["sift", "cv2:ORB", "cv2:AKAZE"])
+@pytest.mark.parametrize("name", ["cv2:SIFT", "cv2:ORB", "cv2:AKAZE"])
 def test_class_ids_of_others_than_surf_are_no_polarity(name):
     found = find_detector(name)(marker_view(60))
     assert len(found) > 0

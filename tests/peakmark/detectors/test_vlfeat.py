@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from peakmark import marker
-from peakmark.detectors.vlfeat import dog_response, signed_by_dog, vlfeat_sift
+from peakmark.detectors.vlfeat import signed_by_dog, vlfeat_sift
 
 
 def sift_image():
@@ -20,15 +20,6 @@ def test_vlfeat_is_centred_and_its_response_is_signed():
         assert found.size[0] / 2 == pytest.approx(6 / np.sqrt(2), rel=0.1)
         assert found.descriptors.shape == (len(found), 128)
         assert vlfeat_sift(image, strongest=1, describe=False).descriptors is None
-
-
-def test_dog_response_is_the_difference_of_blurred_images():
-    image = sift_image()
-    wide, narrow = (
-        cv2.GaussianBlur(image / 255.0, (0, 0), s, borderType=cv2.BORDER_REPLICATE) for s in (4 * 2 ** (1 / 3), 4)
-    )
-    for x, y in ((80, 80), (75, 90)):
-        assert dog_response(image, np.array([x, y]), 4.0) == pytest.approx(wide[y, x] - narrow[y, x], abs=2e-4)
 
 
 def test_frames_are_ordered_by_the_strength_of_their_response():

@@ -85,7 +85,7 @@ def test_what_is_not_there_is_one_line() -> None:
             put_on(scene, paper, "cube", facing=facing)
     with pytest.raises(SceneError, match="gap_m ≥ 0"):
         put_on(scene, paper, "floor", gap_m=-1.0)
-    with pytest.raises(SceneError, match="kind: expected one of .*surf-dark"):
+    with pytest.raises(SceneError, match=r"kind: expected one of .*surf-dark"):
         marker("none", 0.1)
     with pytest.raises(SceneError, match="side_m > 0"):
         marker("surf-dark", 0.0)
