@@ -7,7 +7,12 @@ from tests.sanitized import run_sanitized
 FILES = (
     "tests/peaksim/test_native.py",
     "tests/peaksim/test_elementary.py",
+    "tests/peaksim/area/test_cells.py",
     "tests/peaksim/area/test_golden.py",
+    "tests/peaksim/area/test_shown.py",
+    "tests/peaksim/area/test_texture_sums.py",
+    "tests/peaksim/camera/test_camera.py",
+    "tests/peaksim/truth/test_markers.py",
     "tests/peakmark/refine/test_golden.py",
     "tests/peakmark/refine/test_model.py",
     "tests/peakmark/refine/test_odd_input.py",
