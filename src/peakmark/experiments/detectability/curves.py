@@ -83,7 +83,7 @@ def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequenc
 
 
 def draw_response(ax: Any, curve: Sequence[Row], colour: str, label: str) -> None:
-    """Draw the median response over that of the undistorted marker, and the span of its middle 90 %."""
+    """Draw the median response over that of the undistorted marker and, over several trials, its middle 90 %."""
     found = [(row.x, row.found) for row in curve if row.found.response_ratio]
     x = [x for x, _ in found]
     middle, low, high = (
@@ -91,20 +91,31 @@ def draw_response(ax: Any, curve: Sequence[Row], colour: str, label: str) -> Non
         for name in ("median", "p5", "p95")
     )
     ax.plot(x, middle, color=colour, label=label, marker="o", markersize=2.5, linewidth=1.2)
-    ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-    ax.set(ylabel="response / undistorted", title="response: median and middle 90 %")
+    several = _has_several_trials(curve)
+    if several:
+        ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
+    ax.set(ylabel="response / undistorted", title="response: median and middle 90 %" if several else "response")
     ax.set_ylim(0, max(1.25, ax.get_ylim()[1]))
 
 
 def draw_rate(ax: Any, curve: Sequence[Row], colour: str) -> None:
-    """Draw the rate of detection within 3 px with its interval, dashed the unique one, dotted within 0.1 side."""
+    """Draw the rate of detection within 3 px with its interval, dashed the unique one, dotted within 0.1 side.
+
+    One trial a point has no interval worth drawing.
+    """
     x, found = [row.x for row in curve], [row.found for row in curve]
     for name, width, style in (("detected", 1.2, "-"), ("unique", 0.9, "--"), ("detected_in_sides", 0.9, ":")):
         ax.plot(x, [getattr(one, name).value for one in found], color=colour, linewidth=width, linestyle=style)
-    low, high = [one.detected.low for one in found], [one.detected.high for one in found]
-    ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-    title = "found within 3 px, with interval;\ndashed: uniquely; dotted: within 0.1 side"
+    several = _has_several_trials(curve)
+    if several:
+        low, high = [one.detected.low for one in found], [one.detected.high for one in found]
+        ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
+    title = f"found within 3 px{', with interval' if several else ''};\ndashed: uniquely; dotted: within 0.1 side"
     ax.set(ylabel="rate", title=title, ylim=(-0.03, 1.03))
+
+
+def _has_several_trials(curve: Sequence[Row]) -> bool:
+    return any(row.found.trials > 1 for row in curve)
 
 
 def draw_error(ax: Any, curve: Sequence[Row], colour: str) -> None:

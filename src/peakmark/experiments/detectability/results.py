@@ -36,12 +36,17 @@ def write_results(out: Path, config: DetectabilityConfig, rows: Sequence[Row]) -
         sections += [Section(title, image=uri) for title, uri in uris.items()]
         faults = fault_rows(rows)
         sections += [Section("Faults of detectors", table=faults)] if faults.rows else []
-        lead = (
-            f"{config.trials} random phases and rotations a point, seed {config.seed}; intervals are Wilson's at 95 %."
-        )
-        write_report(folder / "report.html", "Detectability of SIFT and SURF markers", lead, sections)
+        title = "Detectability of SIFT and SURF markers"
+        write_report(folder / "report.html", title, lead(config), sections)
         plain = {title: [dict(zip(t.head, row, strict=True)) for row in t.rows] for title, t in tables.items()}
         write_json(folder / "result.json", {"config": asdict(config), "points": len(rows), "tables": plain})
+
+
+def lead(config: DetectabilityConfig) -> str:
+    """Return how many images of a point were taken."""
+    if config.is_paper:
+        return "One centred image a point, as the paper has it: a rate is 0 or 1, and there are no intervals."
+    return f"{config.trials} random phases and rotations a point, seed {config.seed}; intervals are Wilson's at 95 %."
 
 
 def as_csv(rows: Sequence[Row]) -> str:

@@ -70,7 +70,10 @@ def runs_text(runs: Sequence[tuple[float, float]]) -> str:
 
 
 def envelope_table(rows: Sequence[Row]) -> Table:
-    """Return the operating envelope of every marker and detector: within it, every point `passes`."""
+    """Return the operating envelope of every marker and detector: within it, every point `passes`.
+
+    A pair of which no axis was measured has no line.
+    """
     head = (
         "marker",
         "detector",
@@ -84,7 +87,8 @@ def envelope_table(rows: Sequence[Row]) -> Table:
         "contrast down to",
         "exposure",
     )
-    return Table(head, [_envelope_row(rows, *pair) for pair in pairs(rows) if _is_family(*pair)])
+    table = [_envelope_row(rows, *pair) for pair in pairs(rows) if _is_family(*pair)]
+    return Table(head, [line for line in table if any(value is not None for value in line[2:])])
 
 
 def _is_family(marker: str, detector: str) -> bool:

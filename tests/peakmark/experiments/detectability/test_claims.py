@@ -62,3 +62,5 @@ def test_every_claim_has_a_line_even_without_rows():
     table = claims_table([])
     assert len(table.rows) == 9
     assert all(len(line) == 3 for line in table.rows)
+    tilts = [line[0] for line in table.rows if line[1] != "not measured"]
+    assert [claim.split("°")[0][-2:] for claim in tilts] == ["25", "35"]  # those name the distances not measured

@@ -1,6 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 
-from peakmark.experiments.detectability.curves import LABELS, curve_figures, curves_figure, draw_rate, panels_of
+from peakmark.experiments.detectability.curves import (
+    LABELS,
+    curve_figures,
+    curves_figure,
+    draw_rate,
+    draw_response,
+    panels_of,
+)
 from peakmark.experiments.detectability.figures import new_figure
 from peakmark.experiments.detectability.points import EXPERIMENTS, DetectabilityConfig, points
 from peakmark.report.plots import save
@@ -37,6 +46,16 @@ def test_the_band_around_a_rate_is_its_interval():
     band = ax.collections[0].get_paths()[0].vertices
     assert band[:, 1].min() == rows[1].found.detected.low
     assert band[:, 1].max() == 1
+
+
+def test_one_image_a_point_has_no_band():
+    rows = [replace(one, found=replace(one.found, trials=1)) for one in curve("noise", "m", "d", {0: 100, 50: 90})]
+    _, axes = new_figure(2)
+    draw_rate(axes[0], rows, "black")
+    draw_response(axes[1], rows, "black", "m")
+    assert [len(ax.collections) for ax in axes] == [0, 0]
+    assert axes[1].get_title() == "response"
+    assert [len(ax.lines[0].get_xdata()) for ax in axes] == [2, 2]
 
 
 def test_only_what_was_measured_is_drawn():
