@@ -29,7 +29,8 @@ def vlfeat_sift(
 ) -> Keypoints:
     """VLFeat's SIFT, strongest first, one orientation a key point, with (n, 128) descriptors unless told otherwise.
 
-    `threshold` is the smallest |DoG| of a candidate, grey levels 0…1 (pycolmap's default). Of the key points `size` is
+    `threshold` is the smallest |DoG| of a candidate, grey levels 0…1 (pycolmap's default); there are as
+    many octaves as the image holds (VLFeat's default), not pycolmap's four. Of the key points `size` is
     2 σ, `response` the |DoG| there and `laplacian` its sign; see `signed_by_dog`. Needs pycolmap (`require_vlfeat`).
     """
     pycolmap = require_vlfeat()
@@ -38,6 +39,7 @@ def vlfeat_sift(
     options.use_gpu, options.num_threads, options.max_image_size = False, 1, max(gray.shape)
     options.sift.max_num_orientations, options.sift.max_num_features = 1, _MAX_KEYPOINTS
     options.sift.peak_threshold = threshold
+    options.sift.num_octaves = max(1, int(np.log2(min(gray.shape))) - options.sift.first_octave - 3)
     frames, descriptors = pycolmap.FeatureExtractor.create(options).extract(pycolmap.Bitmap.from_array(gray))
     # pycolmap's pixel centres are at +0.5
     xy = np.array([(frame.x - 0.5, frame.y - 0.5) for frame in frames]).reshape(-1, 2)

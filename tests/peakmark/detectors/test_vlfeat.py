@@ -22,6 +22,14 @@ def test_vlfeat_is_centred_and_its_response_is_signed():
         assert vlfeat_sift(image, strongest=1, describe=False).descriptors is None
 
 
+def test_vlfeat_finds_markers_beyond_pycolmaps_four_octaves():
+    pytest.importorskip("pycolmap")
+    for sigma in (22.0, 40.0):
+        found = vlfeat_sift(marker.sift_marker(sigma, 513), describe=False)
+        np.testing.assert_allclose(found.xy[0], 256, atol=0.1)
+        assert found.size[0] / 2 == pytest.approx(sigma / np.sqrt(2), rel=0.1)
+
+
 def test_frames_are_ordered_by_the_strength_of_their_response():
     xy = np.array([[20.0, 20.0], [80.0, 80.0], [80.0, 92.0]])
     found = signed_by_dog(sift_image(), xy, np.full(3, 4.2), np.array([0.0, 370.0, -10.0]))
