@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skimage import data
 
 from peakmark.identification.alignment import _SHIFTS, lit_pattern, lit_template
+from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
 from peakmark.refine.lit import correlate_candidates, lit_residuals
@@ -69,13 +70,15 @@ def _aligned(views: Views) -> dict[str, NDArray[np.float64]]:
 
 
 def _correlated(views: Views) -> dict[str, NDArray[np.float64]]:
-    scores = correlate_candidates(views.image, views.xy, views.sides_px, *lit_template("dark"), shape_grid(), _SHIFTS)
+    scores = correlate_candidates(
+        views.image, views.xy, views.sides_px, *lit_template(Variant("dark")), shape_grid(), _SHIFTS
+    )
     return {"correlation": scores}
 
 
 def _derivatives(views: Views) -> dict[str, NDArray[np.float64]]:
     """Residuals and their derivatives at parameters that fit a marker badly, so that every term counts."""
-    lines, index, base = lit_pattern("dark")
+    lines, index, base = lit_pattern(Variant("dark"))
     theta = np.array(
         [301.2, 184.1, 40.0, 6.0, -7.0, 35.0, 0.1, -0.05, 140.0, 30.0, 0.8, 0.2, -0.1, 0.05, 0.1, 0.4, 0, 0]
     )

@@ -29,7 +29,7 @@ def why_nothing(gray: NDArray[np.uint8]) -> str:
     best = int(np.argmax(likely))
     (x, y), side = found.candidates.xy[best], found.candidates.sides_px[best]
     return (
-        f"{sought}; the likeliest of {len(likely)} candidates, {found.polarities[best]}, {side:.0f} px at "
+        f"{sought}; the likeliest of {len(likely)} candidates, {found.variants[best].polarity}, {side:.0f} px at "
         f"({x:.0f}, {y:.0f}), has a probability of {likely[best]:.2f} of the {threshold:.2f} needed: "
         "print larger, come nearer, or check focus and light"
     )

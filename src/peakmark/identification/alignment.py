@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.native import function
 
-from peakmark.markers.patterns import Polarity, surf_cells
+from peakmark.markers.patterns import Variant, surf_cells
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
@@ -80,9 +80,9 @@ def together(parts: Sequence[Aligned]) -> Aligned:
 
 
 @cache
-def lit_pattern(polarity: Polarity) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def lit_pattern(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Return a marker's lines (k,), the index (k + 1, k + 1) of each cell's level, and the levels, rising."""
-    framed = np.pad(surf_cells(polarity), 1, constant_values=255)
+    framed = np.pad(surf_cells(*variant), 1, constant_values=255)
     starts = np.flatnonzero(np.r_[True, (framed[1:] != framed[:-1]).any(axis=1)])
     cells = framed[np.ix_(starts, starts)]
     levels = np.unique(cells)
@@ -90,23 +90,23 @@ def lit_pattern(polarity: Polarity) -> tuple[NDArray[np.float64], NDArray[np.int
 
 
 @cache
-def lit_template(polarity: Polarity) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def lit_template(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points (m, 2) over the pattern and its softened levels there, of mean 0 and length 1."""
     line = (np.arange(9) - 4) / 9 * 0.95
     samples = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     unit = np.zeros(11)
     unit[[2, 5]], unit[8], unit[10] = _TEMPLATE_PX, 1.0, (_TEMPLATE_BLUR * _TEMPLATE_PX) ** 2
-    lines, index, levels = lit_pattern(polarity)
+    lines, index, levels = lit_pattern(variant)
     values = predict(unit, samples * _TEMPLATE_PX, Pattern(lines, levels[index] ** _TEMPLATE_TONE, 0.5))
     values = values - values.mean()
     return samples, values / np.linalg.norm(values)
 
 
 def correlations(
-    gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], polarity: Polarity
+    gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], variant: Variant
 ) -> NDArray[np.float64]:
     """Return (n,) how well the image correlates with the pattern at candidates, in the best of all shapes."""
-    samples, template = lit_template(polarity)
+    samples, template = lit_template(variant)
     chunks = np.array_split(np.arange(len(xy)), max(1, min(8, len(xy))))
     parts = map_parallel(
         lambda rows: correlate_candidates(gray, xy[rows], sides_px[rows], samples, template, shape_grid(), _SHIFTS),
@@ -116,10 +116,10 @@ def correlations(
 
 
 def align_candidates(
-    gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], polarity: Polarity, sigma: float
+    gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], variant: Variant, sigma: float
 ) -> Aligned:
-    """Align candidates with a marker of one polarity in an image of noise σ; those that are none are left out."""
-    pattern, template, focal = lit_pattern(polarity), lit_template(polarity), float(max(gray.shape))
+    """Align candidates with one of the markers in an image of noise σ; those that are none are left out."""
+    pattern, template, focal = lit_pattern(variant), lit_template(variant), float(max(gray.shape))
 
     def align(k: int) -> tuple[LitFit, tuple[NDArray[np.float64], ...]] | None:
         center, side_px = xy[k], float(sides_px[k])
@@ -142,11 +142,11 @@ def align_candidates(
     return Aligned(rows, xy[rows], sides_px[rows], theta, noise, step, ratio, cut, figures.reshape(-1, 8), *cells)
 
 
-def center_covariance(gray: NDArray[np.uint8], aligned: Aligned, row: int, polarity: Polarity) -> NDArray[np.float64]:
+def center_covariance(gray: NDArray[np.uint8], aligned: Aligned, row: int, variant: Variant) -> NDArray[np.float64]:
     """Return the covariance (2, 2) of an alignment's centre, px²; rounding adds (0.003 px)² where there is no noise."""
     center, side_px = aligned.centers[row], float(aligned.sizes_px[row])
     extra = (0.5, float(max(gray.shape)), float(aligned.cuts[row]))
-    covariance = lit_covariance(gray, aligned.theta[row], center, side_px, *lit_pattern(polarity), *extra)[:2, :2]
+    covariance = lit_covariance(gray, aligned.theta[row], center, side_px, *lit_pattern(variant), *extra)[:2, :2]
     is_rounded = aligned.noise[row] < DITHER**2
     return np.asarray(covariance + is_rounded * FLOOR_PX**2 * np.eye(2))
 

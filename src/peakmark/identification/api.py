@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -23,7 +24,7 @@ from peakmark.identification.stretch import Stretch, stretched, unstretched
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, check_pattern
+from peakmark.markers.patterns import Polarity, Variant, check_pattern
 from peakmark.refine.api import refine
 
 Rule = Literal["general", "joint", "paper"]
@@ -43,7 +44,7 @@ def identify(
     polarity: Polarity | Literal["both"] | None = None,
     threshold: float | None = None,
     rule: Rule | None = None,
-    limit: Limit | None = None,
+    limit: Limit | Literal["both"] | None = None,
     refine: bool | None = None,
 ) -> tuple[Detection, ...]:
     """Return the markers in an image, strongest first; none is an empty tuple.
@@ -58,8 +59,8 @@ def identify(
     rule
         "general" searches everywhere, see above. "joint" weighs response and signature of each feature of one polarity
         in one stretch, and aligns the printed pattern: for floors, any number of markers, also none. "paper" ranks by
-        response and cuts at the largest drop (Section 4.2). Unless given, "general", and "joint" where anything but the
-        polarity is given.
+        response and cuts at the largest drop (Section 4.2). Unless given, "general", and "joint" where anything but
+        polarity and limit is given.
     polarity
         Which markers to look for; "both" unless given, and "dark" by the narrower rules, which look for one.
     stretch
@@ -68,7 +69,8 @@ def identify(
     threshold
         Hessian threshold of the detector; 100 unless given.
     limit
-        Which marker was printed: "energy" (the paper's) unless given, or "range".
+        Which marker was printed: "energy" (the paper's) unless given, or "range", the binary one, or "both" with the
+        general rule. A dark binary marker is all but a disc: looking for it costs false detections.
     refine
         Align the printed pattern with the image (`peakmark.refine`): centres to hundredths of a pixel, and the
         affinity. True unless given; False leaves positions and sizes as SURF tells them.
@@ -76,18 +78,22 @@ def identify(
     Raises
     ------
     InputError
-        If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities are asked for with a
-        narrower rule, anything but the polarity with the general one, or the image is not one that `surf.detect` takes.
+        If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities or limits are asked for
+        with a narrower rule, a stretch, threshold or refinement with the general one, or the image is not one that
+        `surf.detect` takes.
     """
-    narrowing = {"stretch": stretch, "threshold": threshold, "limit": limit, "refine": refine}
+    narrowing = {"stretch": stretch, "threshold": threshold, "refine": refine}
     given = [name for name, value in narrowing.items() if value is not None]
     rule = rule or ("joint" if given else "general")
     polarity = polarity or ("both" if rule == "general" else "dark")
     _check_choices(rule, polarity, limit or "energy", given)
     gray = as_gray(image)
     if rule == "general":
-        return detect_markers(gray, get_args(Polarity) if polarity == "both" else (polarity,))
+        polarities: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
+        limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or "energy",)
+        return detect_markers(gray, [Variant(*each) for each in product(polarities, limits)])
     assert polarity != "both"
+    assert limit != "both"
     stretch = 2.0 if stretch is None else stretch
     strongest = None if rule == "paper" else STRONGEST
     features = detect_stretched(gray, stretch, LOW_THRESHOLD if threshold is None else threshold, strongest)
@@ -98,11 +104,13 @@ def identify(
 def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -> None:
     check_choice(rule, get_args(Rule), "rule")
     check_choice(polarity, (*get_args(Polarity), "both"), "polarity")
-    check_choice(limit, get_args(Limit), "limit")
+    check_choice(limit, (*get_args(Limit), "both"), "limit")
     if rule == "general" and given:
         raise InputError(f'{given[0]}: expected none with rule "general", which searches everywhere')
     if rule != "general" and polarity == "both":
         raise InputError(f'polarity: expected dark or light with rule "{rule}", got "both"')
+    if rule != "general" and limit == "both":
+        raise InputError(f'limit: expected energy or range with rule "{rule}", got "both"')
 
 
 def detect_stretched(
@@ -139,13 +147,14 @@ def identify_features(
     distances = signature_distances(features.descriptors, polarity)
     if rule == "paper":
         rows = select_markers(features, distances, polarity)
-        plain = unrefined_detections(features, distances, polarity, rows)
-        return Identification(features, distances, refine_detections(gray, plain, limit) if refine else plain)
-    detections = find_markers(gray, features, distances, stretch, polarity, limit)
-    if not refine:
-        rows = np.array([detection.rank - 1 for detection in detections], dtype=np.intp)
         detections = unrefined_detections(features, distances, polarity, rows)
-    return Identification(features, distances, detections)
+        detections = refine_detections(gray, detections, limit) if refine else detections
+    else:
+        detections = find_markers(gray, features, distances, stretch, polarity, limit)
+        if not refine:
+            rows = np.array([detection.rank - 1 for detection in detections], dtype=np.intp)
+            detections = unrefined_detections(features, distances, polarity, rows)
+    return Identification(features, distances, tuple(replace(found, limit=limit) for found in detections))
 
 
 def refine_detections(

@@ -5,7 +5,9 @@ direction it is round again. The copies keep the image's area. They are sampled 
 ties of a clean marker that lies exactly between samples.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -25,8 +27,8 @@ LEAST_QUOTIENT = 0.14
 SMALLEST_PX = 10.0
 """Side of the smallest candidates."""
 
-MOST = 500
-"""Candidates of an image, by falling quotient."""
+PAGE = 500
+"""Candidates that are looked at together, by falling quotient."""
 
 DIRECTIONS_DEG = (0.0, 45.0, 90.0, 135.0)
 _PAD_SHARE = 0.05
@@ -61,8 +63,8 @@ class MarkerCandidates:
         return len(self.xy)
 
 
-def find_candidates(gray: NDArray[np.uint8]) -> MarkerCandidates:
-    """Return where markers may be in a (H, W) image."""
+def candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
+    """Yield where markers may be in a (H, W) image, `PAGE` at a time; the last, which may be empty, has fewer."""
     scale = min(1.0, np.sqrt(_COPIED_PIXELS / gray.size))
     copies = [(np.eye(2), 5, 5)]
     copies += [(np.eye(2) * scale, 5, 5)] if scale < 0.7 else []
@@ -72,8 +74,18 @@ def find_candidates(gray: NDArray[np.uint8]) -> MarkerCandidates:
     found = map_parallel(lambda copy: _search(gray, np.asarray(padded), pad, *copy), copies)
     rows = np.concatenate(found)
     rows = rows[np.argsort(-rows[:, 5], kind="stable")]
-    rows = rows[_distinct(rows)]
-    return MarkerCandidates(rows[:, :2], SIDE_OF_SCALE * rows[:, 2], rows[:, 4].astype(np.int8), rows[:, 3], rows[:, 5])
+    distinct = _distinct(rows)
+    count = PAGE
+    while count == PAGE:
+        page = rows[list(islice(distinct, PAGE))]
+        count = len(page)
+        sides, signs = SIDE_OF_SCALE * page[:, 2], page[:, 4].astype(np.int8)
+        yield MarkerCandidates(page[:, :2], sides, signs, page[:, 3], page[:, 5])
+
+
+def joined(pages: Sequence[MarkerCandidates]) -> MarkerCandidates:
+    """Return several pages as one."""
+    return MarkerCandidates(*(np.concatenate([getattr(page, f.name) for page in pages]) for f in fields(pages[0])))
 
 
 def squeeze(angle_deg: float) -> NDArray[np.float64]:
@@ -116,19 +128,15 @@ def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDAr
     return np.asarray(copy), shift
 
 
-def _distinct(rows: NDArray[np.float64]) -> list[int]:
-    """Return up to `MOST` rows, best first, without those that are another one found again."""
-    kept: list[int] = []
-    taken = np.empty((min(MOST, len(rows)), 4))
+def _distinct(rows: NDArray[np.float64]) -> Iterator[int]:
+    """Yield rows, best first, without those that are another one found again."""
+    taken, count = np.empty((len(rows), 4)), 0
     for i, row in enumerate(rows):
-        count = len(kept)
         before = taken[:count]
         near = np.hypot(before[:, 0] - row[0], before[:, 1] - row[1]) < _NEAR * np.minimum(before[:, 2], row[2])
         like = np.abs(np.log(before[:, 2] / row[2])) < np.log(_LIKE)
         if (near & like & (before[:, 3] == row[4])).any():
             continue
-        if count == MOST:
-            break
         taken[count] = row[0], row[1], row[2], row[4]
-        kept.append(i)
-    return kept
+        count += 1
+        yield i

@@ -46,6 +46,8 @@ class Detection:
     """(2,) g of ``x = xy + affinity u / (1 + g·u)``, per side, of a pattern point u; None by the other rules."""
     covariance: NDArray[np.float64] | None = None
     """(2, 2) of the centre, px², from the residuals of the alignment; None by the other rules."""
+    limit: Limit = "energy"
+    """Of its pattern: "energy", the paper's, or "range", the binary one."""
 
     def corners(self) -> NDArray[np.float64]:
         """Return (4, 2) corners of the pattern, px, from its top left clockwise; upright where nothing was refined."""

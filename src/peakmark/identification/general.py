@@ -6,7 +6,10 @@
         ─▶ evidence ─▶ boosted trees (`general.json`) ─▶ non-maximum suppression ─▶ detections
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +22,30 @@ from peakmark.identification.alignment import (
     noise_sigma_of,
     together,
 )
-from peakmark.identification.candidates import MarkerCandidates, find_candidates
+from peakmark.identification.candidates import MarkerCandidates, candidate_pages, joined
 from peakmark.identification.detection import Detection
 from peakmark.identification.marker_evidence import COLUMNS, marker_evidence
 from peakmark.identification.marker_model import shipped_model
 from peakmark.identification.suppression import suppress_non_maxima
-from peakmark.markers.patterns import Polarity
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Polarity, Variant
 from peakmark.refine.api import upright_rotation
 
 LEAST_CORRELATION = 0.81
 """Coarse correlation from which a candidate is aligned: of markers that nothing covers it is above 0.86."""
 
-MOST_ALIGNED = 64
-"""Candidates of an image that are aligned, by falling worth."""
+BATCH = 64
+"""Candidates that are aligned together, by falling worth."""
+
+PRODUCTIVE = 1 / 6
+"""Share of a batch that must be markers for the next one to be aligned."""
+
+BEHIND: dict[Limit, float] = {"energy": 0.06, "range": 0.01}
+"""Coarse correlation by which a pattern may fall short of the other one of its polarity and still be aligned. In any
+light the binary pattern's, the simpler one, is up to 0.055 above that of the other, where the other is printed."""
+
+USUAL = tuple(Variant(polarity) for polarity in get_args(Polarity))
+"""The markers that are looked for unless the caller says: those of the paper."""
 
 _BY_SIZE, _BY_QUOTIENT, _ENOUGH = 0.02, 0.08, 0.6
 """A candidate's worth: its correlation, this for each doubling of its side, and this times its quotient up to 0.6."""
@@ -39,40 +53,47 @@ _BY_SIZE, _BY_QUOTIENT, _ENOUGH = 0.02, 0.08, 0.6
 
 @dataclass(frozen=True)
 class Alignments:
-    """All candidates of an image that could be aligned, with their evidence."""
+    """Candidates of an image that could be aligned, with their evidence."""
 
     candidates: MarkerCandidates
     """(n,) of them."""
-    polarities: tuple[Polarity, ...]
-    """Of each."""
+    variants: tuple[Variant, ...]
+    """Of each, the marker that it was aligned with."""
     aligned: Aligned
-    """The alignments; their rows are those of the candidates here."""
+    """The alignments."""
     evidence: NDArray[np.float64]
     """(n, c) see `marker_evidence`."""
 
 
-def align_image(gray: NDArray[np.uint8], polarities: tuple[Polarity, ...] = ("dark", "light")) -> Alignments:
-    """Return what could be aligned with a marker of one of the polarities in a (H, W) image."""
-    candidates, sigma = find_candidates(gray), noise_sigma_of(gray)
-    kinds = tuple((1 if polarity == "dark" else -1, polarity) for polarity in polarities)
-    scores = np.zeros(len(candidates))
-    for sign, polarity in kinds:
-        rows = np.flatnonzero(candidates.signs == sign)
-        scores[rows] = correlations(gray, candidates.xy[rows], candidates.sides_px[rows], polarity)
-    chosen = _short_list(candidates, scores)
-    parts = []
-    for sign, polarity in kinds:
-        rows = chosen[candidates.signs[chosen] == sign]
-        aligned = align_candidates(gray, candidates.xy[rows], candidates.sides_px[rows], polarity, sigma)
-        parts.append(replace(aligned, rows=rows[aligned.rows]))
-    aligned = together(parts)
-    found, rows = candidates[aligned.rows], aligned.rows
-    evidence = marker_evidence(gray, aligned, found.quotients, scores[rows], sigma)
-    return Alignments(found, tuple("dark" if sign > 0 else "light" for sign in found.signs), aligned, evidence)
+def align_image(gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL) -> Alignments:
+    """Return what could be aligned with one of the markers in a (H, W) image, of the first batch of candidates."""
+    return next(_batches(gray, variants))
 
 
-def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the rows of the candidates worth most, without those near a better one of like size."""
+def _batches(gray: NDArray[np.uint8], variants: Sequence[Variant]) -> Iterator[Alignments]:
+    """Yield alignments batch by batch, at least one, the best candidates first."""
+    sigma = noise_sigma_of(gray)
+    for candidates in candidate_pages(gray):
+        scores = _scores(gray, candidates, variants)
+        chosen = _short_list(candidates, scores.max(axis=1))
+        while True:
+            rows = np.array(list(islice(chosen, BATCH)), dtype=np.intp)
+            yield _aligned(gray, candidates[rows], scores[rows], variants, sigma)
+            if len(rows) < BATCH:
+                break
+
+
+def _scores(gray: NDArray[np.uint8], candidates: MarkerCandidates, variants: Sequence[Variant]) -> NDArray[np.float64]:
+    """Return (n, v) coarse correlations of candidates with each of the markers, 0 with those of the other polarity."""
+    scores = np.zeros((len(candidates), len(variants)))
+    for k, variant in enumerate(variants):
+        rows = np.flatnonzero(candidates.signs == (1 if variant.polarity == "dark" else -1))
+        scores[rows, k] = correlations(gray, candidates.xy[rows], candidates.sides_px[rows], variant)
+    return scores
+
+
+def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64]) -> Iterator[np.intp]:
+    """Yield the rows of candidates by falling worth, without those near a better one of like size."""
     worth = scores + _BY_SIZE * np.log2(np.maximum(candidates.sides_px, 8) / 20)
     worth += _BY_QUOTIENT * np.minimum(candidates.quotients, _ENOUGH)
     kept: list[np.intp] = []
@@ -86,24 +107,69 @@ def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64]) -> ND
         if (like & (gaps < 0.18 * smaller) & (candidates.signs[before] == candidates.signs[i])).any():
             continue
         kept.append(i)
-        if len(kept) == MOST_ALIGNED:
+        yield i
+
+
+def _aligned(
+    gray: NDArray[np.uint8],
+    candidates: MarkerCandidates,
+    scores: NDArray[np.float64],
+    variants: Sequence[Variant],
+    sigma: float,
+) -> Alignments:
+    """Return candidates aligned with the marker that correlates best, and with the other one that does alike, too."""
+    parts, kinds = [], []
+    for k, variant in enumerate(variants):
+        rows = np.flatnonzero((scores[:, k] > 0) & (scores[:, k] > scores.max(axis=1) - BEHIND[variant.limit]))
+        aligned = align_candidates(gray, candidates.xy[rows], candidates.sides_px[rows], variant, sigma)
+        parts.append(replace(aligned, rows=rows[aligned.rows]))
+        kinds += [k] * len(aligned.rows)
+    aligned, kind = together(parts), np.array(kinds, dtype=np.intp)
+    rows = aligned.rows
+    found = candidates[rows]
+    evidence = marker_evidence(gray, aligned, found.quotients, scores[rows, kind], sigma)
+    return Alignments(found, tuple(variants[k] for k in kind), aligned, evidence)
+
+
+def _productive(gray: NDArray[np.uint8], batches: Iterator[Alignments]) -> Alignments:
+    """Return the alignments of as many batches as add markers."""
+    found, count = next(batches), 0
+    while (markers := len(_markers(gray, found, _likely(found)))) - count >= PRODUCTIVE * BATCH:
+        more = next(batches, None)
+        if more is None:
             break
-    return np.array(kept, dtype=np.intp)
+        found, count = _joined((found, more)), markers
+    return found
 
 
-def detect_markers(
-    gray: NDArray[np.uint8], polarities: tuple[Polarity, ...] = ("dark", "light")
-) -> tuple[Detection, ...]:
+def _likely(found: Alignments) -> NDArray[np.float64]:
+    """Return (n,) probabilities that alignments are markers."""
+    return shipped_model()[0].probabilities(found.evidence)
+
+
+def _joined(batches: Sequence[Alignments]) -> Alignments:
+    return Alignments(
+        joined([batch.candidates for batch in batches]),
+        tuple(variant for batch in batches for variant in batch.variants),
+        together([batch.aligned for batch in batches]),
+        np.concatenate([batch.evidence for batch in batches]),
+    )
+
+
+def _markers(gray: NDArray[np.uint8], found: Alignments, likely: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the rows of alignments that are markers, those found twice left out."""
+    xy, sides = found.aligned.theta[:, :2], found.aligned.sides_px
+    is_inside = ((xy > -0.5) & (xy < np.array(gray.shape[::-1]) - 0.5)).all(axis=1)
+    rows = np.flatnonzero((likely > shipped_model()[1]) & is_inside)
+    return np.asarray(rows[suppress_non_maxima(xy[rows], sides[rows], likely[rows])])
+
+
+def detect_markers(gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL) -> tuple[Detection, ...]:
     """Return the markers whose centres lie in a (H, W) image, strongest first."""
-    found = align_image(gray, polarities)
-    model, threshold = shipped_model()
-    likely = model.probabilities(found.evidence)
-    size = np.array(gray.shape[::-1])
-    is_inside = ((found.aligned.theta[:, :2] > -0.5) & (found.aligned.theta[:, :2] < size - 0.5)).all(axis=1)
-    rows = np.flatnonzero((likely > threshold) & is_inside)
-    aligned, responses = found.aligned, found.candidates.responses
-    rows = rows[suppress_non_maxima(aligned.theta[rows, :2], aligned.sides_px[rows], likely[rows])]
-    rows = rows[np.argsort(-responses[rows], kind="stable")]
+    found = _productive(gray, _batches(gray, variants))
+    likely = _likely(found)
+    rows = _markers(gray, found, likely)
+    rows = rows[np.argsort(-found.candidates.responses[rows], kind="stable")]
     return tuple(_detection(gray, found, int(row), number, float(likely[row])) for number, row in enumerate(rows))
 
 
@@ -117,7 +183,8 @@ def _detection(gray: NDArray[np.uint8], found: Alignments, row: int, number: int
         id=number,
         xy=theta[:2],
         size=float(aligned.sides_px[row]),
-        polarity=found.polarities[row],
+        polarity=found.variants[row].polarity,
+        limit=found.variants[row].limit,
         response=float(responses[row]),
         signature_distance=np.nan,
         rank=1 + int((responses > responses[row]).sum()),
@@ -125,5 +192,5 @@ def _detection(gray: NDArray[np.uint8], found: Alignments, row: int, number: int
         explained=float(1 - min(unexplained, 1.0)),
         probability=probability,
         perspective=rotation.T @ theta[6:8],
-        covariance=center_covariance(gray, aligned, row, found.polarities[row]),
+        covariance=center_covariance(gray, aligned, row, found.variants[row]),
     )

@@ -16,7 +16,7 @@ which is a disc of the DoG's zero-crossing radius. ∎
 """
 
 from math import erf
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,16 @@ from peakmark.errors import InputError, check_choice
 from peakmark.markers.optimum import Limit, quadratic_optimum
 
 Polarity = Literal["dark", "light"]
+
+
+class Variant(NamedTuple):
+    """Which of the four markers of a detector."""
+
+    polarity: Polarity
+    """Of its centre."""
+    limit: Limit = "energy"
+    """On its pattern."""
+
 
 SURF_CELLS = 9
 """Cells along the side of the SURF marker: the boxes of SURF's filters lie on a 9 × 9 grid."""

@@ -125,7 +125,7 @@ def test_photographs_hold_no_markers(name: str) -> None:
 def test_an_unknown_rule_is_refused() -> None:
     image = np.zeros((40, 40), np.uint8)
     for polarity in ("dark", "light", "both"):
-        with pytest.raises(InputError, match="limit: expected one of energy, range, got 'foo'"):
+        with pytest.raises(InputError, match="limit: expected one of energy, range, both, got 'foo'"):
             identify(image, polarity=polarity, limit="foo")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="rule: expected one of general, joint, paper, got 'guess'"):
         identify(np.zeros((50, 50), np.uint8), rule="guess")  # type: ignore[arg-type]

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from peakmark.errors import InputError
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
-from peakmark.identification.general import shipped_model
+from peakmark.identification.general import BATCH, shipped_model
+from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity, surf_marker
 
 ROWS, COLUMNS_PX = 240, 320
@@ -16,11 +17,15 @@ CENTER = np.array([160.0, 121.0])
 
 
 def view(
-    side_px: float = 34.0, polarity: Polarity = "dark", center: NDArray[np.float64] = CENTER, tilt_deg: float = 0.0
+    side_px: float = 34.0,
+    polarity: Polarity = "dark",
+    center: NDArray[np.float64] = CENTER,
+    tilt_deg: float = 0.0,
+    limit: Limit = "energy",
 ) -> NDArray[np.float64]:
     """Return linear levels 0…1 of a marker on white paper before grey, seen along a tilted normal, supersampled."""
     fine, texels = 4, 18 * 9
-    sheet = np.pad(surf_marker(texels, polarity), texels // 4, constant_values=255).astype(np.float64)
+    sheet = np.pad(surf_marker(texels, polarity, limit), texels // 4, constant_values=255).astype(np.float64)
     turn = np.radians(20)
     spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     # the square root of the area is the side
@@ -116,11 +121,32 @@ def test_a_polarity_narrows_the_search() -> None:
     assert [d.id for d in identify(image)] == [0, 1]
 
 
+@pytest.mark.parametrize("tilt_deg", [0.0, 45.0])
+@pytest.mark.parametrize("polarity", ["dark", "light"])
+@pytest.mark.parametrize("limit", ["energy", "range"])
+def test_both_limits_are_told_apart(limit: Limit, polarity: Polarity, tilt_deg: float) -> None:
+    image = as_image(view(34, polarity, tilt_deg=tilt_deg, limit=limit), 2.0)
+    for sought in ("both", limit):
+        (detection,) = identify(image, limit=sought)  # type: ignore[arg-type]
+        assert np.linalg.norm(detection.xy - CENTER) < 0.15
+        assert (detection.polarity, detection.limit) == (polarity, limit)
+        assert detection.covariance is not None
+        assert 0 < np.sqrt(np.linalg.eigvalsh(detection.covariance)[-1]) < 0.1
+
+
+def test_more_markers_than_are_aligned_at_once_are_all_found() -> None:
+    sheet = np.pad(surf_marker(27), 8, constant_values=255)
+    found = identify(np.pad(np.tile(sheet, (8, 12)), 12, constant_values=180))
+    expected = {(43 * column + 33, 43 * row + 33) for row in range(8) for column in range(12)}
+    assert len(found) == len(expected) > BATCH
+    assert {tuple(np.rint(d.xy).astype(int).tolist()) for d in found} == expected
+
+
 def test_what_the_general_search_cannot_use_is_refused() -> None:
     image = as_image(view())
     with pytest.raises(InputError, match='stretch: expected none with rule "general"'):
         identify(image, stretch=2.0, rule="general")
     with pytest.raises(InputError, match='polarity: expected dark or light with rule "joint", got "both"'):
         identify(image, stretch=2.0, polarity="both")
-    with pytest.raises(InputError, match="limit: expected one of energy, range, got 'foo'"):
+    with pytest.raises(InputError, match="limit: expected one of energy, range, both, got 'foo'"):
         identify(image, limit="foo")  # type: ignore[arg-type]

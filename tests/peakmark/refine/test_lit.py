@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from peakmark.identification.alignment import lit_pattern
+from peakmark.markers.patterns import Variant
 from peakmark.refine.lit import PARAMETERS, lit_fit, lit_residuals
 
 ANCHOR = np.array([40.0, 40.0, 32.0])
@@ -12,7 +13,7 @@ TRUTH = np.array(
     [40.3, 39.6, 30.0, -7.0, 8.0, 27.0, 0.05, -0.08, 150.0, 40.0, 0.6, 0.3, -0.2, 0.1, 0.15, 0.4, 0.3, -0.2]
 )
 PIXELS = np.array([(x, y) for y in range(30, 51) for x in range(30, 51)], dtype=np.int32)
-PATTERN = lit_pattern("dark")
+PATTERN = lit_pattern(Variant("dark"))
 
 
 def image_of(theta: NDArray[np.float64]) -> NDArray[np.float32]:

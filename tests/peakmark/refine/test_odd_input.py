@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from peakmark.identification.alignment import _KNOTS, _SHIFTS, lit_pattern, lit_template, measure_alignment
+from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
 from peakmark.refine.lit import align_in_light, correlate_candidates, lit_covariance, lit_residuals
@@ -25,7 +26,7 @@ def odd_image(rng: np.random.Generator) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(60))
 def test_alignments_of_anything_anywhere_come_back(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    image, pattern, template = odd_image(rng), lit_pattern("dark"), lit_template("dark")
+    image, pattern, template = odd_image(rng), lit_pattern(Variant("dark")), lit_template(Variant("dark"))
     plain = known_pattern("surf-dark", 0.0)
     center = rng.choice(ODD, 2) if rng.random() < 0.4 else rng.uniform(-30, 120, 2)
     size = float(rng.choice([2.0, 2.5, 9.0, 17.9, 18.1, 60.0, 500.0, 2000.0]))
@@ -44,7 +45,7 @@ def test_alignments_of_anything_anywhere_come_back(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(60))
 def test_measures_of_any_parameters_come_back(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    image, pattern = odd_image(rng), lit_pattern("light")
+    image, pattern = odd_image(rng), lit_pattern(Variant("light"))
     theta = rng.normal([30, 30, 20, 0, 0, 20, 0, 0, 99, 30, 0.5, 0, 0, 0, 0, 0, 0, 0], 3.0)
     odd = rng.random(18) < 0.15
     theta[odd] = rng.choice(ODD, odd.sum())

@@ -21,9 +21,11 @@ from peakmark.experiments.cave.rooms import photographs
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.experiments.search.lit_images import LitImage, empty_image, random_image
+from peakmark.identification.detection import pattern_name
 from peakmark.identification.general import Alignments, align_image
 from peakmark.identification.marker_evidence import COLUMNS
 from peakmark.identification.trees import Trees, from_boosting
+from peakmark.markers.patterns import Variant
 from peakmark.report import plots
 from peakmark.report.results import result_folder, write_json
 from peakmark.score.statistics import wilson
@@ -102,13 +104,13 @@ def labelled(found: Alignments, truth: Sequence[MarkerTruth], shape: tuple[int, 
     """Return evidence and label of each alignment of an image of a shape."""
     sides, places = found.aligned.sides_px, found.aligned.theta[:, :2]
     return [
-        ([float(f"{value:.6g}") for value in evidence], label_of(xy, float(side), polarity, truth, shape))
-        for xy, side, polarity, evidence in zip(places, sides, found.polarities, found.evidence, strict=True)
+        ([float(f"{value:.6g}") for value in evidence], label_of(xy, float(side), variant, truth, shape))
+        for xy, side, variant, evidence in zip(places, sides, found.variants, found.evidence, strict=True)
     ]
 
 
 def label_of(
-    xy: NDArray[np.float64], side_px: float, polarity: str, truth: Sequence[MarkerTruth], shape: tuple[int, ...]
+    xy: NDArray[np.float64], side_px: float, variant: Variant, truth: Sequence[MarkerTruth], shape: tuple[int, ...]
 ) -> int:
     """Return what an alignment truly is."""
     label = CLUTTER
@@ -116,7 +118,7 @@ def label_of(
         if not np.isfinite(marker.side_px) or marker.visible_fraction == 0:
             continue
         gap = float(np.linalg.norm(xy - marker.center_xy))
-        is_like = 0.7 < side_px / marker.side_px < 1.4 and marker.kind.endswith(polarity)
+        is_like = 0.7 < side_px / marker.side_px < 1.4 and marker.kind == pattern_name(*variant)
         if gap < max(0.12 * marker.side_px, 1.5) and is_like:
             return MARKER if _is_wanted(marker, shape) else UNDECIDED
         if gap < 0.75 * marker.side_px:

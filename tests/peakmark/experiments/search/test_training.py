@@ -13,6 +13,7 @@ from peakmark.experiments.search import training
 from peakmark.experiments.search.exposure import moved
 from peakmark.experiments.search.grounds import DRAWN, draw_ground
 from peakmark.experiments.search.training import CLUTTER, MARKER, UNDECIDED, SearchTrainingConfig, label_of
+from peakmark.markers.patterns import Polarity, Variant
 
 SHAPE = (480, 640)
 SQUARE = np.array([[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]])
@@ -36,8 +37,8 @@ def marker_at(x: float, visible: float = 1.0) -> MarkerTruth:
         ((10.0, 203.0), 42.0, "dark", marker_at(10), UNDECIDED),
     ],
 )
-def test_labels(xy: tuple[float, float], side_px: float, polarity: str, truth: MarkerTruth, label: int) -> None:
-    assert label_of(np.array(xy), side_px, polarity, [truth], SHAPE) == label
+def test_labels(xy: tuple[float, float], side_px: float, polarity: Polarity, truth: MarkerTruth, label: int) -> None:
+    assert label_of(np.array(xy), side_px, Variant(polarity), [truth], SHAPE) == label
 
 
 def test_calibration_finds_the_odds_that_made_the_labels() -> None:
