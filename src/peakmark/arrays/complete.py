@@ -31,26 +31,30 @@ _LIKE_SHAPE = 0.25
 
 
 def complete(
-    gray: NDArray[np.uint8], seen: MarkerShapes, known: Set[int], pitch: float
+    gray: NDArray[np.uint8], seen: MarkerShapes, known: Set[int], around: Set[int], pitch: float
 ) -> tuple[list[int], tuple[Detection, ...]]:
     """Return the markers that stay, and those that the image shows beside them; what is in the way of these goes.
 
-    Only measured shapes tell where to look. `known` are indices beside which nothing is missing; `pitch` is the
-    distance of neighbours in sides. What is added has id −1, rank 0, no response, and its probability.
+    Only measured shapes tell where to look. `known` are indices beside which nothing is missing, `around` those beside
+    which to look; `pitch` is the distance of neighbours in sides. What is added has id −1, rank 0, no response, and its
+    probability.
     """
     sightings = [
         sighting
-        for k in range(len(seen.xy))
-        if seen.is_measured[k] and k not in known
+        for k in sorted(around - known)
+        if seen.is_measured[k]
         for sighting in look_around(gray, seen.xy[k], seen.shapes[k], pitch).values()
         if sighting.probability >= LIKELY and not _is_at(sighting, seen)
     ]
+    sightings.sort(key=lambda s: -s.correlation)
+    places, free = np.array([s.xy for s in sightings]).reshape(-1, 2), np.ones(len(sightings), dtype=bool)
     added: list[Sighting] = []
-    for sighting in sorted(sightings, key=lambda s: -s.correlation):
-        if not any(_overlap(other, sighting.xy) for other in added):
+    for k, sighting in enumerate(sightings):
+        if free[k]:
             added.append(sighting)
+            free &= ~_overlaps(sighting, places)
     clear = [sighting for sighting in added if sighting.probability >= CLEAR]
-    hidden = {k for k in range(len(seen.xy)) if any(_overlap(s, seen.xy[k]) for s in clear)}
+    hidden = {int(k) for sighting in clear for k in np.flatnonzero(_overlaps(sighting, seen.xy))}
     kept = [k for k in range(len(seen.xy)) if k in known or k not in hidden]
     return kept, tuple(_detection(gray, sighting) for sighting in added)
 
@@ -61,9 +65,10 @@ def _is_at(sighting: Sighting, seen: MarkerShapes) -> bool:
     return bool((gaps <= SAME_PLACE * np.maximum(seen.sizes, sighting.side_px)).any())
 
 
-def _overlap(sighting: Sighting, xy: NDArray[np.float64]) -> bool:
-    """Return whether a marker of the same size around a centre would cover part of what is seen."""
-    return bool(np.abs(np.linalg.solve(sighting.affinity, xy - sighting.xy)).max() <= OVERLAP)
+def _overlaps(sighting: Sighting, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (n,) whether a marker of the same size around centres (n, 2) would cover part of what is seen."""
+    u = np.linalg.solve(sighting.affinity, (xy - sighting.xy).T)
+    return np.asarray(np.abs(u).max(axis=0) <= OVERLAP)
 
 
 def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:

@@ -123,17 +123,18 @@ def _decode_seen(
     found: Sequence[Detection], markers: MarkerShapes, layout: Layout, gray: NDArray[np.uint8]
 ) -> tuple[MarkerArray, ...]:
     """Return the arrays of an image, with members that the search missed, and pairs that lack a third marker."""
-    size = (gray.shape[1], gray.shape[0])
+    size, around = (gray.shape[1], gray.shape[0]), set(range(len(found)))
     for _ in range(_ROUNDS):
         arrays = _decode(found, markers, layout, size, gray)
         read = [array.detections for array in arrays if array.code is not None]
         rows = {id(d): k for k, d in enumerate(found)}
         groups = [[rows[id(d)] for d in members] for members in read]
         known = {k for group in groups if are_alike(markers, group, layout.pitch) for k in group}
-        kept, added = complete(gray, markers, known, layout.pitch)
+        kept, added = complete(gray, markers, known, around, layout.pitch)
         if not added:
             break
         found, markers = (*(found[k] for k in kept), *added), _joined(markers, kept, _shapes_of(added, None))
+        around = set(range(len(kept), len(found)))
     if len(layout.cells) > 3:
         return arrays
     members = {k for lattice in _lattices(markers, layout) for k in lattice.members}

@@ -79,6 +79,27 @@ def probability_of(correlation: float) -> float:
     return float(1 / (1 + np.exp(-(EVIDENCE[0] + EVIDENCE[1] * correlation))))
 
 
+@dataclass(frozen=True, eq=False)
+class _Softened:
+    """A part of an image without what the rectified place has no texels for."""
+
+    levels: NDArray[np.uint8]
+    """(h, w) of the part."""
+    origin: NDArray[np.float64]
+    """(2,) px of its upper left pixel in the image."""
+    size: NDArray[np.float64]
+    """(2,) width and height of the image."""
+
+    def at(self, px: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return the levels (h, w) at positions (h, w, 2) of the image; outside the part its border continues."""
+        x, y = np.moveaxis(px - self.origin, -1, 0).astype(np.float32)
+        return np.asarray(cv2.remap(self.levels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+    def contains(self, px: NDArray[np.float64]) -> bool:
+        """Return whether all positions (…, 2) lie in the image."""
+        return bool((px > -0.5).all() and (px < self.size - 0.5).all())
+
+
 def look_around(
     gray: NDArray[np.uint8], xy: NDArray[np.float64], affinity: NDArray[np.float64], pitch: float
 ) -> dict[Cell, Sighting]:
@@ -86,20 +107,22 @@ def look_around(
 
     `xy` (2,) px and `affinity` (2, 2) px per side are the marker's, `pitch` the distance of neighbours in sides.
     """
-    soft = _softened(gray, affinity)
+    tilts = tuple(_tilts(affinity, float(max(gray.shape)), pitch))
+    square = (pitch + _HALF + REACH) * _CORNERS
+    soft = _softened(gray, affinity, np.concatenate([_projected(xy, affinity, tilt, square)[0] for tilt in tilts]))
     best: dict[Cell, Sighting] = {}
-    for tilt in _tilts(affinity, float(max(gray.shape)), pitch):
+    for tilt in tilts:
         for cell, sighting in _sightings(soft, xy, affinity, tilt, pitch):
             if cell not in best or sighting.correlation > best[cell].correlation:
                 best[cell] = sighting
     return {cell: _without_cover(soft, sighting) for cell, sighting in best.items()}
 
 
-def _without_cover(soft: NDArray[np.uint8], sighting: Sighting) -> Sighting:
+def _without_cover(soft: _Softened, sighting: Sighting) -> Sighting:
     """Return the sighting again without its worst edge, where something may lie over it, if that explains more."""
     if not _OPEN[0] < sighting.correlation < _OPEN[1]:
         return sighting
-    place = _sampled(soft, _projected(sighting.xy, sighting.affinity, np.zeros(2), _GRID)[0])
+    place = soft.at(_projected(sighting.xy, sighting.affinity, np.zeros(2), _GRID)[0])
     pattern, cut = template(sighting.polarity), round(_EDGE * len(template(sighting.polarity)))
     best = sighting
     for turns in range(4):
@@ -117,19 +140,19 @@ def correlation_at(
     count = round(_HALF * _SIDE_TEXELS)
     line = np.arange(-count, count + 1) / _SIDE_TEXELS
     px, _ = _projected(xy, affinity, np.zeros(2), np.stack(np.meshgrid(line, line), axis=-1))
-    return _best_shift(_sampled(_softened(gray, affinity), px), template(polarity))[1]
+    return _best_shift(_softened(gray, affinity, px.reshape(-1, 2)).at(px), template(polarity))[1]
 
 
-def _softened(gray: NDArray[np.uint8], affinity: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return an image without what the rectified place has no texels for."""
+def _softened(gray: NDArray[np.uint8], affinity: NDArray[np.float64], px: NDArray[np.float64]) -> _Softened:
+    """Return the part of an image within the box of positions (n, 2), softened for a marker's shape."""
     blur_px = 0.5 * float(np.linalg.norm(affinity, -2)) / _SIDE_TEXELS
-    return np.asarray(cv2.GaussianBlur(gray, (0, 0), blur_px) if blur_px > 0.6 else gray)
-
-
-def _sampled(soft: NDArray[np.uint8], px: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return the levels (h, w) at positions (h, w, 2); outside the image its border continues."""
-    x, y = np.moveaxis(px, -1, 0).astype(np.float32)
-    return np.asarray(cv2.remap(soft, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    size = np.array(gray.shape[::-1])
+    margin = 4 * blur_px + 2
+    low = np.clip(np.floor(px.min(axis=0) - margin), 0, size - 1).astype(int)
+    high = np.clip(np.ceil(px.max(axis=0) + margin), low, size - 1).astype(int) + 1
+    part = gray[low[1] : high[1], low[0] : high[0]]
+    soft = cv2.GaussianBlur(part, (0, 0), blur_px) if blur_px > 0.6 else part
+    return _Softened(np.asarray(soft), low.astype(np.float64), size.astype(np.float64))
 
 
 def _tilts(affinity: NDArray[np.float64], focal_px: float, pitch: float) -> Iterator[NDArray[np.float64]]:
@@ -145,11 +168,7 @@ def _tilts(affinity: NDArray[np.float64], focal_px: float, pitch: float) -> Iter
 
 
 def _sightings(
-    soft: NDArray[np.uint8],
-    xy: NDArray[np.float64],
-    affinity: NDArray[np.float64],
-    tilt: NDArray[np.float64],
-    pitch: float,
+    soft: _Softened, xy: NDArray[np.float64], affinity: NDArray[np.float64], tilt: NDArray[np.float64], pitch: float
 ) -> Iterator[tuple[Cell, Sighting]]:
     """Yield the best position in each cell around a marker, under one perspective."""
     reach = REACH + 1 / _SIDE_TEXELS
@@ -158,9 +177,9 @@ def _sightings(
     for cell in AROUND:
         middle = pitch * np.array(cell, dtype=np.float64)
         px, depth = _projected(xy, affinity, tilt, middle + grid)
-        if depth.min() < 0.2 or not _is_inside(soft, _projected(xy, affinity, tilt, middle + 0.5 * _CORNERS)[0]):
+        if depth.min() < 0.2 or not soft.contains(_projected(xy, affinity, tilt, middle + 0.5 * _CORNERS)[0]):
             continue
-        place = _sampled(soft, px)
+        place = soft.at(px)
         for polarity in get_args(Polarity):
             shift, correlation = _best_shift(place, template(polarity))
             u = middle + shift
@@ -181,10 +200,6 @@ def _projected(
     """Return (…, 2) px where points u (…, 2) of the plane are seen, and (…) their depths."""
     depth = np.asarray(1 + u @ tilt)
     return np.asarray(xy + u @ affinity.T / np.maximum(depth, 1e-3)[..., None]), depth
-
-
-def _is_inside(gray: NDArray[np.uint8], xy: NDArray[np.float64]) -> bool:
-    return bool((xy > -0.5).all() and (xy < np.array(gray.shape[::-1]) - 0.5).all())
 
 
 def _best_shift(place: NDArray[np.uint8], pattern: NDArray[np.float32]) -> tuple[NDArray[np.float64], float]:
