@@ -216,7 +216,7 @@ def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> N
         (("--frames", "0"), "--frames: expected 1…1000000, got 0"),
         (("--stretch", "nan"), "--stretch: expected 0.25…8, got nan"),
         (("--samples", "0"), "--samples: expected 1 or more, got 0"),
-        (("--renderer", "povray"), "--renderer: expected auto, exact, gl or traced, got povray"),
+        (("--renderer", "povray"), "--renderer: expected auto, exact, gl, pyrender or traced, got povray"),
         (("--out", "/dev/null/x"), "--out /dev/null/x: expected a folder that can be written"),
     ],
 )

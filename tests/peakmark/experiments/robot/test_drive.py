@@ -131,7 +131,7 @@ def test_what_is_lost_and_found_again_is_counted() -> None:
         ({"spacing_m": 9.0}, "--spacing: expected 0.15…8 m, got 9.0"),
         ({"line_ends_m": 0.5}, "--line-ends: expected 0.6…10 m, got 0.5"),
         ({"frames_per_second": 0.0}, "--rate: expected 1…50 frames a second, got 0.0"),
-        ({"renderer": "ray"}, "--renderer: expected auto, exact, gl or traced, got ray"),
+        ({"renderer": "ray"}, "--renderer: expected auto, exact, gl, pyrender or traced, got ray"),
     ],
 )
 def test_bad_input_is_one_line(change: dict[str, Any], message: str) -> None:
