@@ -43,7 +43,7 @@ FLOORS = (
         "peakmark.experiments.journal",
         "peakmark.experiments.option",
     ),
-    ("peakmark.experiments.photographs", "peakmark.experiments.run"),
+    ("peakmark.experiments.photographs", "peakmark.experiments.run", "peakmark.experiments.scene_images"),
     ("peakmark.experiments.floor", "peakmark.experiments.detectability"),
     ("peakmark.experiments.robot", "peakmark.experiments.cave"),
     ("peakmark.experiments.search", "peakmark.experiments.images"),

@@ -31,7 +31,7 @@ class SceneImagesConfig:
     scene: str
     """Scene file, or the name of one that ships with the package."""
     renderer: Renderer = "auto"
-    """"exact", "gl", "traced" or "auto"."""
+    """"exact", "gl", "pyrender", "traced" or "auto"."""
     seed: int = 0
     """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
     frames: int = 1

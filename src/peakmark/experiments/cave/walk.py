@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from time import perf_counter
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from peaksim.scene.scene import Scene
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
-from peakmark.experiments.option import check_choice, check_range
+from peakmark.experiments.scene_images import SceneImagesConfig
 from peakmark.identification.search import SearchResult, detect_features, search_features
 from peakmark.keypoints.image import as_gray
 from peakmark.localise.from_arrays import Place, pose_from_arrays
@@ -28,29 +27,12 @@ from peakmark.score.wanted import READABLE
 
 
 @dataclass(frozen=True)
-class CaveConfig:
+class CaveConfig(SceneImagesConfig):
     """What to render."""
 
     scene: str = "cave"
-    """Scene file, or the name of one that ships with the package."""
     renderer: Renderer = "exact"
-    """"exact" is several times faster than OpenGL without a GPU here; "gl", "traced" or "auto"."""
-    seed: int = 0
-    """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
-    frames: int = 1
-    """Frames along the trajectory; 1 takes its first pose."""
-    samples: int = 64
-    """Paths a pixel of the traced renderer."""
-    sensor: str | None = None
-    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
-    bake: bool = True
-    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
-
-    def __post_init__(self) -> None:
-        check_range("seed", self.seed, 0)
-        check_range("frames", self.frames, 1, 100_000)
-        check_choice("renderer", self.renderer, get_args(Renderer))
-        check_range("samples", self.samples, 1)
+    """"exact" is several times faster than OpenGL without a GPU here; "gl", "pyrender", "traced" or "auto"."""
 
 
 @dataclass(frozen=True)
