@@ -1,4 +1,4 @@
-"""The images of the renderer in docs/: `python benchmarks/render_pictures.py --out docs`."""
+"""The images of the renderer in docs/images/: `python benchmarks/render_pictures.py --out docs/images`."""
 
 import argparse
 from dataclasses import replace
@@ -67,7 +67,7 @@ def images() -> dict[str, np.ndarray]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs"))
+    parser.add_argument("--out", type=Path, default=Path("docs/images"))
     folder = parser.parse_args().out
     shown = images()
     names = list(shown)

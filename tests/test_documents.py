@@ -129,18 +129,18 @@ def run_page(page: str, folder: Path, *, slow: bool) -> dict[str, Any]:
 RUN = (
     "CORPUS.md",
     "README.md",
-    "docs/cave.md",
-    "docs/detectability.md",
-    "docs/detectors.md",
-    "docs/driving.md",
-    "docs/poses.md",
-    "docs/rendering.md",
-    "docs/sensors.md",
-    "docs/surf.md",
+    "docs/figures/cave.md",
+    "docs/figures/detectability.md",
+    "docs/figures/driving.md",
+    "docs/how-to/find-surf-key-points.md",
+    "docs/how-to/localise-a-robot.md",
+    "docs/how-to/use-your-own-detector.md",
+    "docs/reference/sensors.md",
+    "docs/understand/rendering.md",
 )
 """Pages with examples that the default tests run."""
 
-RUN_SLOWLY = ("docs/cave.md", "docs/driving.md", "docs/regress.md")
+RUN_SLOWLY = ("docs/figures/cave.md", "docs/figures/driving.md", "docs/how-to/keep-a-detector-from-getting-worse.md")
 """Pages with long commands."""
 
 
@@ -180,10 +180,10 @@ def test_the_readme_runs(tmp_path: Path) -> None:
 
 def test_the_page_of_poses_runs(tmp_path: Path) -> None:
     lay_out_a_photograph(tmp_path)
-    names = run_page("docs/poses.md", tmp_path, slow=False)
+    names = run_page("docs/how-to/localise-a-robot.md", tmp_path, slow=False)
     assert len(names["rows"]) == 3
     assert (tmp_path / "out/2.png").is_file()
-    (toml,) = (step.text for step in STEPS["docs/poses.md"] if step.language == "toml")
+    (toml,) = (step.text for step in STEPS["docs/how-to/localise-a-robot.md"] if step.language == "toml")
     (tmp_path / "map.toml").write_text(toml, encoding="utf-8")
     assert len(load_map(tmp_path / "map.toml")) == 4
 
@@ -191,13 +191,13 @@ def test_the_page_of_poses_runs(tmp_path: Path) -> None:
 def test_the_pages_of_driving_arrays_and_surf_run(tmp_path: Path) -> None:
     for page in ("driving", "cave", "surf", "rendering", "detectability"):
         (tmp_path / page).mkdir()
-    driving = run_page("docs/driving.md", tmp_path / "driving", slow=False)
+    driving = run_page("docs/figures/driving.md", tmp_path / "driving", slow=False)
     assert driving["pose"].world_from_camera[:3, 3] == pytest.approx((0.0, 0.3, 0.7), abs=0.001)
-    cave = run_page("docs/cave.md", tmp_path / "cave", slow=False)
+    cave = run_page("docs/figures/cave.md", tmp_path / "cave", slow=False)
     assert {array.code for array in cave["decode_arrays"](cave["markers"], image=cave["image"])} == {3, 5}
-    assert len(run_page("docs/surf.md", tmp_path / "surf", slow=False)["points"]) == 200
-    run_page("docs/rendering.md", tmp_path / "rendering", slow=False)
-    run_page("docs/detectability.md", tmp_path / "detectability", slow=False)
+    assert len(run_page("docs/how-to/find-surf-key-points.md", tmp_path / "surf", slow=False)["points"]) == 200
+    run_page("docs/understand/rendering.md", tmp_path / "rendering", slow=False)
+    run_page("docs/figures/detectability.md", tmp_path / "detectability", slow=False)
     assert (tmp_path / "detectability/out/envelope/envelope.png").is_file()
 
 
@@ -205,7 +205,10 @@ def test_the_pages_of_driving_arrays_and_surf_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize("page", RUN_SLOWLY)
 def test_the_long_commands_of_the_pages_run(tmp_path: Path, page: str) -> None:
     run_page(page, tmp_path, slow=True)
-    results = {"docs/cave.md": "out/cave/overlay.png", "docs/regress.md": "out/compare/report.html"}
+    results = {
+        "docs/figures/cave.md": "out/cave/overlay.png",
+        "docs/how-to/keep-a-detector-from-getting-worse.md": "out/compare/report.html",
+    }
     assert (tmp_path / results.get(page, "out")).exists()
 
 
@@ -224,7 +227,7 @@ def test_the_page_of_corpora_runs_and_its_tables_hold_frames_and_markers_apart(t
 
 
 def test_the_page_of_sensors_runs(tmp_path: Path) -> None:
-    names = run_page("docs/sensors.md", tmp_path, slow=False)
+    names = run_page("docs/reference/sensors.md", tmp_path, slow=False)
     assert names["phone"].dtype == "uint8"
     assert names["raw"].dtype == "uint16"
 

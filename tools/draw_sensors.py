@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draw docs/sensor_NAME.jpg: one view of the SIFT/SURF CAVE as each of the sensors by name takes it."""
+"""Draw docs/images/sensor_NAME.jpg: one view of the SIFT/SURF CAVE as each of the sensors by name takes it."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from peaksim.camera.presets import PRESETS
 from peaksim.geometry.pose import look_at
 from PIL import Image
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+IMAGES = Path(__file__).resolve().parents[1] / "docs/images"
 DETAIL = slice(120, 360), slice(230, 390)
 """Rows and columns that are shown twice as large on the right."""
 
@@ -21,4 +21,4 @@ if __name__ == "__main__":
         image = apply_sensor(frame, sensor_named(name, output="rgb"), np.random.default_rng(0)).image
         detail = image[DETAIL].repeat(2, axis=0).repeat(2, axis=1)
         gap = np.full((480, 4, 3), 255, np.uint8)
-        Image.fromarray(np.hstack([image, gap, detail])).save(DOCS / f"sensor_{name}.jpg", quality=88)
+        Image.fromarray(np.hstack([image, gap, detail])).save(IMAGES / f"sensor_{name}.jpg", quality=88)

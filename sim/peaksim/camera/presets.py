@@ -1,4 +1,4 @@
-"""Cameras by name, for scene files, corpora and commands; docs/sensors.md shows what each does to one image."""
+"""Cameras by name, for scene files, corpora and commands; docs/reference/sensors.md shows each."""
 
 from collections.abc import Mapping
 from dataclasses import replace

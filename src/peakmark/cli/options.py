@@ -12,10 +12,7 @@ UnusedSeed = Annotated[int, Option(hidden=True, help="Taken by every command; no
 NoiseSeed = Annotated[int, Option(help="Seed of the sensor noise.")]
 Samples = Annotated[int, Option(help="Paths a pixel of the traced renderer, samples of pyrender.")]
 SensorName = Annotated[
-    str | None,
-    Option(
-        help=f"Camera instead of the scene's sensor: {', '.join(PRESETS)} (docs/sensors.md). [default: the scene's]"
-    ),
+    str | None, Option(help=f"Camera instead of the scene's sensor: {', '.join(PRESETS)}. [default: the scene's]")
 ]
 Bake = Annotated[
     bool,

@@ -27,8 +27,8 @@ app = plain_app(no_args_is_help=True, help="A detector's figures on rendered fly
 _COLOURS = {"worse": "red", "changed": "red", "better": "green"}
 _DETECTORS = (
     "markers, identify, cave-markers, aruco, apriltag, surf, sift, cv2:NAME, module:function (returns points, "
-    "cv2.KeyPoint, "
-    "Keypoints or Detection), or 'exec:PROGRAM …' (answers in JSON lines); docs/detectors.md says how"
+    "cv2.KeyPoint, Keypoints or Detection), or 'exec:PROGRAM …' (answers in JSON lines); "
+    "docs/how-to/use-your-own-detector.md says how"
 )
 
 RUN = "run.json"

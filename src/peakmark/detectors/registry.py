@@ -9,7 +9,7 @@
 | sift-opencv | the same as it comes: key points lie 0.25 px too far right and down |
 | vlfeat | VLFeat's SIFT through pycolmap; the response is its |DoG|, see `peakmark.detectors.vlfeat` |
 | cv2:NAME | any `cv2.Feature2D` that `cv2.NAME_create` makes, such as cv2:ORB; parameters as that function's |
-| module:function | a function of yours: see docs/detectors.md |
+| module:function | a function of yours: see docs/how-to/use-your-own-detector.md |
 
 What a detector does wrong is counted by `peakmark.detectors.outcome`.
 """

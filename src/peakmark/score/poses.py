@@ -11,7 +11,7 @@ from peakmark.errors import InputError
 
 WRONG_M, WRONG_DEG = 0.1, 5.0
 """A pose that is farther off counts as wrong: a flip, or another part of the map. Chosen by hand, far above the
-errors of measurement (docs/driving.md) and below the distance between markers."""
+errors of measurement (docs/figures/driving.md) and below the distance between markers."""
 
 
 def pose_error(estimate: Pose | None, truth: Pose) -> tuple[float, float] | None:

@@ -18,7 +18,7 @@ less than 1, because the fraction is counted in pixels."""
 
 SMALLEST_PX = 20.0
 """Side from which a marker must be found, unless an experiment says otherwise; chosen by hand, where the recall on the
-floor and in the CAVE comes near 1 (docs/driving.md)."""
+floor and in the CAVE comes near 1 (docs/figures/driving.md)."""
 
 STEEPEST_DEG = 45.0
 """Tilt up to which markers on walls, and arrays, must be read; chosen by hand, for nothing is stretched there."""

@@ -1,4 +1,4 @@
-"""docs/detectors.md: its examples run, and its limits are the defaults."""
+"""docs/how-to/use-your-own-detector.md: its examples run, and its limits are the defaults."""
 
 import re
 import sys
@@ -15,7 +15,7 @@ from peakmark.regress.run import MOST_FAILURES
 from tests.peaksim.corpus.helpers import child_environment
 from tests.places import ROOT
 
-PAGE = (ROOT / "docs" / "detectors.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/how-to/use-your-own-detector.md").read_text(encoding="utf-8")
 EXAMPLES = dict(re.findall(r"```python\n# (\w+\.py); .*?\n(.*?)```", PAGE, re.DOTALL))
 
 

@@ -76,7 +76,7 @@ def test_a_preset_is_named_in_scene_files_and_its_fields_can_be_changed(tmp_path
 
 
 def test_the_page_of_sensors_states_the_figures_of_each() -> None:
-    page = (ROOT / "docs/sensors.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/reference/sensors.md").read_text(encoding="utf-8")
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")
     ]
@@ -92,4 +92,4 @@ def test_the_page_of_sensors_states_the_figures_of_each() -> None:
         for field_name, cells in stated.items():
             if field_name in Sensor.__dataclass_fields__ and cells[f"`{name}`"] == "–":
                 assert getattr(sensor, field_name) == getattr(Sensor(), field_name)
-        assert (ROOT / f"docs/sensor_{name}.jpg").is_file()
+        assert (ROOT / f"docs/images/sensor_{name}.jpg").is_file()

@@ -30,7 +30,7 @@ from peakmark.score.statistics import Bin, Quantiles, Rate, quantiles, rate, rec
 from peakmark.score.wanted import IN_VIEW, Wanted
 
 FARTHEST_M = 4.0
-"""Distance up to which distances are scored; hardly any marker beyond it is found (docs/driving.md)."""
+"""Distance up to which distances are scored; hardly any marker beyond it is found (docs/figures/driving.md)."""
 
 BINS = {
     "side_px": (0, 10, 15, 20, 30, 45, 70, 1000),
