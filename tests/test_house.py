@@ -10,7 +10,15 @@ from tests.house import circles, files_of, graph_of, imported, upward
 from tests.places import ROOT
 
 SIM_FLOORS = (
-    ("peaksim.errors", "peaksim.extras", "peaksim.lazy", "peaksim.notices", "peaksim.threads", "peaksim.whole_file"),
+    (
+        "peaksim.errors",
+        "peaksim.extras",
+        "peaksim.folder_lock",
+        "peaksim.lazy",
+        "peaksim.notices",
+        "peaksim.threads",
+        "peaksim.whole_file",
+    ),
     ("peaksim.text_file", "peaksim.native_library"),
     ("peaksim.native",),
     ("peaksim.shipped", "peaksim.toml_file", "peaksim.image_file", "peaksim.exif_file", "peaksim.geometry"),

@@ -72,7 +72,11 @@ def system_compiler() -> list[str] | None:
         If `CC` is set and does not.
     """
     named = os.environ.get("CC", "").strip()
-    for words in [shlex.split(named)] if named else [["cc"], ["gcc"], ["clang"]]:
+    try:
+        candidates = [shlex.split(named)] if named else [["cc"], ["gcc"], ["clang"]]
+    except ValueError as error:
+        raise BuildError(f"CC: expected a command, got {named!r}: {error}") from error
+    for words in candidates:
         if shutil.which(words[0]) and _compiles(words):
             return words
     if named:

@@ -101,7 +101,7 @@ def test_a_command_without_kernels_ends_with_one_line(tmp_path: Path) -> None:
     assert done.stderr.startswith("error: ")
 
 
-@pytest.mark.parametrize("compiler", ["false", "no-such-compiler", "cc --no-such-flag"])
+@pytest.mark.parametrize("compiler", ["false", "no-such-compiler", "cc --no-such-flag", "cc '"])
 def test_a_compiler_that_compiles_nothing_is_told_in_one_line(compiler: str, tmp_path: Path) -> None:
     command = [sys.executable, "tools/build_native.py", "--out", str(tmp_path / "made")]
     done = subprocess.run(

@@ -14,6 +14,7 @@ from peaksim.corpus.layout import image_name, shard_name
 from peaksim.corpus.sample import KEYPOINTS, Record
 from peaksim.corpus.spec import CorpusSpec
 from peaksim.corpus.store.base import Writing
+from peaksim.extras import needs_extra
 
 Row = dict[str, Any]
 
@@ -21,6 +22,7 @@ _ROW_GROUP = 20_000  # rows that are held in memory
 
 
 @contextmanager
+@needs_extra
 def parquet_writer(file: Writing, columns: dict[str, str]) -> Iterator[Callable[[Row], None]]:
     """Yield a function that adds a row to a Parquet file; `columns` gives each one's Arrow type, such as "int64"."""
     import pyarrow as pa

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from peaksim.area.faces import panels_m, triangles_m
 from peaksim.area.shown import NUMBER_BITS
 from peaksim.errors import RendererError, SceneError
-from peaksim.extras import how_to_install
+from peaksim.extras import how_to_install, needs_extra
 from peaksim.geometry.pose import Pose
 from peaksim.gl.tiles import Window
 from peaksim.scene.scene import Scene
@@ -178,6 +178,7 @@ def open_context() -> tuple[Any, str]:
 
 
 @cache
+@needs_extra
 def load_pyrender() -> Any:
     """Import pyrender without its viewer, whose window toolkit needs X libraries that machines without a screen lack.
 

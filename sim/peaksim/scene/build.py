@@ -15,6 +15,7 @@ from peaksim.camera.camera import Camera, from_sensor
 from peaksim.camera.models import camera_named
 from peaksim.camera.thin_lens import ThinLens, from_f_number
 from peaksim.errors import InputError, SceneError
+from peaksim.extras import needs_extra
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.pose import Pose, compose, look_at, rotation_about
 from peaksim.geometry.trajectory import Trajectory
@@ -310,6 +311,7 @@ def _desk_parts(table: schema.DeskTable) -> Iterator[tuple[tuple[float, float, f
             yield (leg, leg, leg_height), (x * (width - leg) / 2, y * (depth - leg) / 2, leg_height / 2)
 
 
+@needs_extra
 def _mesh(table: schema.BoxTable | schema.DeskTable, parts: list[tuple[Any, Any]], material: Material) -> Mesh:
     import trimesh
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.errors import InputError, SceneError
+from peaksim.extras import needs_extra
 from peaksim.image_file import check_is_image, from_pillow, to_8_bits
 from peaksim.scene.material import WHITE, linear_from_srgb, srgb_from_linear
 from peaksim.scene.repeated import divide_at_repeats
@@ -121,6 +122,7 @@ def read_mesh(path: str | Path, up: Up | None = None, color: tuple[float, float,
 # --- the file ---------------------------------------------------------------------------------------------------
 
 
+@needs_extra
 def _load(path: Path, kind: str, found: _Found) -> Any:
     """Return trimesh's scene."""
     import trimesh
@@ -164,6 +166,7 @@ def _placed(scene: Any) -> Iterator[tuple[NDArray[np.float64], Any]]:
             yield np.asarray(matrix, dtype=np.float64), geometry
 
 
+@needs_extra
 def _resolver(path: Path) -> Any:
     """Return trimesh's way to the files that a file names: those in or below its folder."""
     from trimesh.resolvers import Resolver

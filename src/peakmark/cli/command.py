@@ -25,6 +25,7 @@ from peaksim.extras import how_to_install
 from peakmark.errors import InputError, NativeError, RendererError, one_line
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+_ENDING = (signal.SIGTERM,) if sys.platform == "win32" else (signal.SIGTERM, signal.SIGHUP)
 
 
 def plain_app(**settings: Any) -> typer.Typer:
@@ -100,7 +101,7 @@ def _cleaning_up_when_told_to_end() -> Iterator[None]:
 
     before = {}
     if current_thread() is main_thread():
-        for number in (signal.SIGTERM, signal.SIGHUP):
+        for number in _ENDING:
             if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup asks for
                 before[number] = signal.signal(number, leave)
     try:

@@ -6,6 +6,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.extras import needs_extra
 from peaksim.image_file import MAX_PIXELS
 
 from peakmark.errors import ImageError
@@ -22,6 +23,7 @@ def read_film(path: Path, is_upright: bool = True) -> Iterator[NDArray[np.uint8]
     return (pixels for _, pixels in read_timed_film(path, is_upright))
 
 
+@needs_extra
 def read_timed_film(path: Path, is_upright: bool = True) -> Iterator[tuple[float, NDArray[np.uint8]]]:
     """Yield the frames of a film's first video stream: seconds from the first one, and (H, W, 3) RGB.
 
@@ -46,6 +48,7 @@ def read_timed_film(path: Path, is_upright: bool = True) -> Iterator[tuple[float
         raise ImageError(f"{path}: expected a film: {getattr(error, 'strerror', None) or error}") from error
 
 
+@needs_extra
 def frames_per_second(path: Path) -> float:
     """Return the rate that a film states; 25 where it states none, and for what is no film, such as a camera."""
     import av

@@ -8,6 +8,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
+from peaksim.extras import needs_extra
 from peaksim.whole_file import write_whole
 
 from peakmark.errors import InputError
@@ -73,6 +74,7 @@ def _json_lines(rows: Sequence[FoundRow]) -> bytes:
     return "".join(lines).encode("utf-8", "backslashreplace")
 
 
+@needs_extra
 def _parquet(rows: Sequence[FoundRow]) -> bytes:
     import pyarrow as pa
     from pyarrow import parquet

@@ -9,6 +9,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.extras import needs_extra
 
 FRAMES_PER_SECOND, WIDTH_PX = 10, 1024
 """Of films whose images have no rate of their own, and of experiments' films; both are chosen for small files."""
@@ -30,6 +31,7 @@ def filmed(
 
 
 @contextmanager
+@needs_extra
 def film(path: Path, frames_per_second: float, width_px: int) -> Iterator[Callable[[RgbImage], None]]:
     """Give a function that appends (H, W, 3) RGB images, scaled to `width_px`, to an MP4 file."""
     import av

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.extras import needs_extra
 from PIL import Image
 
 from peakmark.report.plots import save
@@ -55,6 +56,7 @@ class CaptionedImage:
     height: int
 
 
+@needs_extra
 def write_report(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
     """Write the page; all texts are escaped."""
     from jinja2 import Environment, PackageLoader

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.extras import needs_extra
 
 MARKER_COLOUR = "#1a7f37"
 CLUTTER_COLOUR = "#8c959f"
@@ -13,6 +14,7 @@ LIGHT_COLOUR, DARK_COLOUR = "#ffd640", "#60beff"
 _RANK, _RESPONSE = "rank of the feature by response", "response (determinant of the Hessian)"
 
 
+@needs_extra
 def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]:
     """Return a figure and its axes, drawn without a screen."""
     from matplotlib.figure import Figure
@@ -24,6 +26,7 @@ def new_figure(width_in: float = 8.0, height_in: float = 4.5) -> tuple[Any, Any]
     return figure, figure.subplots()
 
 
+@needs_extra
 def save(figure: Any, target: Path | BytesIO, kind: str | None = None) -> None:
     """Write a figure as "png" or "svg", by a path's ending unless given; the bytes depend on the figure alone."""
     import matplotlib
@@ -119,6 +122,7 @@ def response_over_vis(
     ax.legend(frameon=False)
 
 
+@needs_extra
 def polarities(
     ax: Any,
     image: NDArray[np.uint8],
@@ -144,6 +148,7 @@ def polarities(
     ax.set_axis_off()
 
 
+@needs_extra
 def envelope_map(
     ax: Any,
     distance_m: NDArray[np.float64],

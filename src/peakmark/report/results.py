@@ -1,19 +1,23 @@
 """Result folders: files appear there whole, and all together, or not at all."""
 
 import csv
-import fcntl
 import json
 import os
-import resource
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from peaksim.folder_lock import lock_folder
+
 from peakmark.errors import InputError
 from peakmark.plain import to_plain
+
+if sys.platform != "win32":
+    import resource
 
 
 @contextmanager
@@ -52,30 +56,24 @@ def _stage(target: Path) -> tuple[Path, int | None]:
     if target.exists() and not target.is_dir():
         raise InputError(f"--out {target}: expected a folder, found a file")
     target.mkdir(parents=True, exist_ok=True)
-    guard = _lock(target, fcntl.LOCK_EX)  # between making and locking a folder, no other run takes it for left behind
+    guard = _lock(target, wait=True)  # between making and locking a folder, no other run takes it for left behind
     try:
         for old in target.glob(".unfinished-*") if guard is not None else ():
-            lock = _lock(old, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock = _lock(old, wait=False)
             if lock is not None:
                 shutil.rmtree(old, ignore_errors=True)
                 os.close(lock)
         stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=target))
-        return stage, _lock(stage, fcntl.LOCK_EX)
+        return stage, _lock(stage, wait=True)
     finally:
         if guard is not None:
             os.close(guard)
 
 
-def _lock(folder: Path, operation: int) -> int | None:
+def _lock(folder: Path, *, wait: bool) -> int | None:
     """Return the descriptor that holds a folder's lock; None where another run has it, or file systems have none."""
     with suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-        try:
-            fcntl.flock(descriptor, operation)
-        except BaseException:
-            os.close(descriptor)
-            raise
-        return descriptor
+        return lock_folder(folder, wait=wait)
     return None
 
 
@@ -94,9 +92,12 @@ def write_json(path: Path, value: Any) -> None:
     path.write_bytes((text + "\n").encode("utf-8", "backslashreplace"))  # a file name may be no UTF-8: \udc80 in JSON
 
 
-def peak_memory_mb() -> float:
-    """Return the largest resident size of this process so far, in 10⁶ bytes."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+def peak_memory_mb() -> float | None:
+    """Return the largest resident size of this process so far, in 10⁶ bytes; None on Windows, which does not tell."""
+    if sys.platform == "win32":
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024  # bytes there, elsewhere 1024 of them
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 def write_rows(path: Path, rows: Sequence[Any]) -> None:

@@ -1,6 +1,5 @@
 """A corpus in a folder."""
 
-import fcntl
 import os
 import shutil
 import tempfile
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from peaksim.corpus.store.base import Writing, is_safe, limited
 from peaksim.errors import InputError
+from peaksim.folder_lock import lock_folder
 from peaksim.threads import map_in_threads
 
 _UNFINISHED = ".unfinished"
@@ -45,7 +45,7 @@ class FolderStore:
                 with os.fdopen(handle, "wb") as file:
                     yield Writing(file)
                     file.flush()
-                    os.fchmod(file.fileno(), 0o644)
+                    os.chmod(path, 0o644)
                     if lasting:
                         os.fsync(file.fileno())
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -89,12 +89,10 @@ class FolderStore:
     def alone(self) -> Iterator[None]:
         """Exclude other runs, and clear what a killed run left unfinished; the kernel frees the lock in any case."""
         with self._reported(""):
-            handle = os.open(self.root, os.O_RDONLY)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            os.close(handle)
-            raise InputError(f"{self.url}: expected a folder that no other run writes to, one does") from error
+            try:
+                handle = lock_folder(self.root.resolve(), wait=False)
+            except BlockingIOError as error:
+                raise InputError(f"{self.url}: expected a folder that no other run writes to, one does") from error
         try:
             self.clear()
             yield

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.models import camera_named
 from peaksim.camera.sensor import Sensor, capture_image
+from peaksim.extras import needs_extra
 from peaksim.geometry.pose import Pose, compose, invert, rotation_about, transform
 from peaksim.rendering import render
 from peaksim.scene import build as scene_build
@@ -288,6 +289,7 @@ def _counts(row: DesignComparison) -> str:
     return f"{row.right}" + (f" ({row.wrong})" if row.wrong else "")
 
 
+@needs_extra
 def rates_figure(rows: Sequence[DesignComparison]) -> Any:
     """Return the detection rates over each quantity, one panel each."""
     from matplotlib.figure import Figure

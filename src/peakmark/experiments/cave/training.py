@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.extras import needs_extra
 
 from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import Split
@@ -141,6 +142,7 @@ def _at_operating_point(classifier: Classifier, samples: Samples) -> Classifier:
     return replace(classifier, threshold=threshold)
 
 
+@needs_extra
 def evaluate_classifier(classifier: Classifier, samples: Samples) -> Quality:
     """Return how well a classifier separates markers (those that `must_be_found`) from clutter."""
     from sklearn.metrics import average_precision_score, roc_auc_score
@@ -155,6 +157,7 @@ def evaluate_classifier(classifier: Classifier, samples: Samples) -> Quality:
     )
 
 
+@needs_extra
 def roc_rates(classifier: Classifier, samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (r,) false and (r,) true positive rates over all thresholds."""
     from sklearn.metrics import roc_curve

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import error_budget
+from peaksim.extras import needs_extra
 
 from peakmark.arrays.decode import MarkerArray
 from peakmark.experiments.cave.walk import (
@@ -58,7 +59,7 @@ class CaveResult:
     config: CaveConfig
     load_s: float
     """Seconds for the scene."""
-    peak_memory_mb: float
+    peak_memory_mb: float | None
 
 
 def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = lambda: None) -> CaveResult:
@@ -141,6 +142,7 @@ def response_figure(view: CaveView) -> Any:
     return figure
 
 
+@needs_extra
 def polarity_figure(view: CaveView) -> Any:
     """Return Figure 15: arrays cut out, with the sign of each marker; the whole frame if there is no array."""
     from matplotlib.figure import Figure

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from peaksim.extras import needs_extra
 
 from peakmark.experiments.detectability.figures import COLOURS, new_figure
 from peakmark.experiments.detectability.points import sides_away
@@ -57,6 +58,7 @@ def panels_of(experiment: str) -> list[list[Curve]]:
     return [[(*pair, name) for name in series] for pair in (("surf-dark", "surf-paper"), ("sift-dark", "sift"))]
 
 
+@needs_extra
 def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequence[Curve]]) -> Any:
     """Return response, detection rate and error along one axis, a line of axes a panel."""
     from matplotlib.ticker import LogLocator

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.extras import needs_extra
 
 from peakmark import marker
 from peakmark.detectors.outcome import run_detector
@@ -17,6 +18,7 @@ COLOURS = ("#0969da", "#1a7f37", "#bc4c00", "#8250df", "#cf222e", "#57606a")
 """One a curve."""
 
 
+@needs_extra
 def new_figure(
     columns: int = 1, rows: int = 1, width_in: float = 8.0, height_in: float = 4.0, gap: float = 0.25
 ) -> tuple[Any, list[Any]]:

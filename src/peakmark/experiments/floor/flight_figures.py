@@ -114,7 +114,7 @@ class FlightResult:
     gl_renderer: str | None
     """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
     config: FlightConfig
-    peak_memory_mb: float
+    peak_memory_mb: float | None
 
     def to_plain(self) -> dict[str, Any]:
         """Return what result.json holds."""

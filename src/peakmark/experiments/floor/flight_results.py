@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from peaksim.extras import needs_extra
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import save_trajectory
 from peaksim.image_file import read_image
@@ -136,6 +137,7 @@ _COLUMNS = (
 """Of detections.parquet."""
 
 
+@needs_extra
 def write_detections(path: Path, flown: Flown, marker_names: Sequence[str]) -> None:
     """Write one row a detection of all frames; the schema is the same for any flight, empty ones included."""
     import pyarrow as pa

@@ -140,7 +140,7 @@ class FloorResult:
     config: FloorConfig
     time_s: dict[str, float]
     """Seconds for "load", "render" (with the sensor), "detect" and "identify", over all frames."""
-    peak_memory_mb: float
+    peak_memory_mb: float | None
     remarks: tuple[str, ...] = ()
     """Why no marker was found, where none was."""
 

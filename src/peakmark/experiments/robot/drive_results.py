@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from peaksim.camera.frame import error_budget
+from peaksim.extras import needs_extra
 from peaksim.whole_file import whole_file
 
 from peakmark.experiments.floor.flight import map_of
@@ -57,7 +58,7 @@ class DriveResult:
     gl_renderer: str | None
     """"exact" or "gl", and what OpenGL calls itself; None for the exact renderer."""
     config: DriveConfig
-    peak_memory_mb: float
+    peak_memory_mb: float | None
 
 
 def run_drives(
@@ -140,6 +141,7 @@ def _write(folder: Path, finished_film: Path, drives: Sequence[Driven], result: 
     write_json(folder / "result.json", result)
 
 
+@needs_extra
 def _grid(count: int) -> tuple[Any, Any]:
     """Return a figure of at most three drawings a row, and their axes."""
     from matplotlib.figure import Figure

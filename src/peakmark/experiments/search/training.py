@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth
+from peaksim.extras import needs_extra
 
 from peakmark.errors import InputError
 from peakmark.experiments.cave.rooms import photographs
@@ -153,6 +154,7 @@ def train(evidence: Evidence, config: SearchTrainingConfig) -> dict[str, Any]:
     }
 
 
+@needs_extra
 def fit_trees(values: NDArray[np.float64], is_marker: NDArray[np.bool_]) -> Trees:
     """Return boosted trees that tell markers by their columns."""
     from sklearn.ensemble import HistGradientBoostingClassifier
@@ -177,6 +179,7 @@ def unseen_sums(
     return sums
 
 
+@needs_extra
 def calibrate(sums: NDArray[np.float64], is_marker: NDArray[np.bool_]) -> tuple[float, float]:
     """Return slope and offset from sums to log odds (Platt 1999)."""
     from sklearn.linear_model import LogisticRegression
