@@ -198,6 +198,14 @@ def surf_texture(
     return np.kron(cells, np.ones((cell_px, cell_px), dtype=np.uint8))
 
 
+def plain_ground(polarity: Polarity) -> int:
+    """Return the grey level around a SURF marker in references and experiments: white paper around a dark marker.
+
+    A light marker has black around it, as the negative of a dark one; printed, it stands on white, too.
+    """
+    return 255 if polarity == "dark" else 0
+
+
 def _stretched(pattern: NDArray[np.float64]) -> NDArray[np.float64]:
     low, high = pattern.min(), pattern.max()
     return np.asarray(255.0 * (pattern - low) / (high - low))

@@ -17,16 +17,17 @@ from peaksim.shipped import ASSETS
 
 from peakmark.errors import InputError
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, dog_zero_crossing, sift_marker, surf_texture
+from peakmark.markers.patterns import dog_zero_crossing, plain_ground, sift_marker, surf_texture
+from peakmark.markers.sheet import SIFT_SIDE_IN_SIGMA
+from peakmark.score.wanted import polarity_of
 
 KINDS = ("surf-dark", "surf-light", "surf-range-dark", "sift-dark", "sift-range-dark")
 """Markers that the experiments know; "sift-range-dark" is the plain disc."""
 
 BACKGROUNDS = ("uniform", "gravel", "brick", "grass")
-"""What is behind the marker: the grey of its own rim, or a photograph, then with one white cell around it."""
+"""What is behind the marker: its plain ground, or a photograph, then with one white cell around it.
 
-SIFT_SIDES = 10.0
-"""Side of a SIFT marker in σ; beyond, its DoG differs from the surround by less than 0.2 grey levels."""
+SURF's ground is `plain_ground`, as that of the reference signatures; a DoG's is the grey of its own rim."""
 
 _CELL_TEXELS = 64
 """Of a SURF marker's cell: the largest marker is drawn with twice its pixels."""
@@ -47,7 +48,7 @@ class Condition:
     marker: str = "surf-dark"
     """One of `KINDS`."""
     side_px: float = 147.0
-    """Side of the marker without tilt; 10 σ for a SIFT marker."""
+    """Side of the marker without tilt; 12 σ for a SIFT marker, as it is printed."""
     image_px: int = 301
     """Side of the square image."""
     turn_deg: float | None = None
@@ -65,7 +66,7 @@ class Condition:
     jpeg_quality: int = 0
     """1…100; 0 is no compression."""
     contrast: float = 1.0
-    """Of the marker and its plain surround, about mid-grey."""
+    """Of the marker and its plain ground, about mid-grey."""
     background: str = "uniform"
     """One of `BACKGROUNDS`."""
     vignetting: float = 0.0
@@ -181,16 +182,20 @@ def _camera(condition: Condition) -> Camera:
 def _scene(
     condition: Condition, pose: NDArray[np.float64], photo_offset: NDArray[np.float64], contrast: float
 ) -> Scene:
-    """Return a marker of side 1 m at `pose`, before its own rim's grey or one photograph wall."""
+    """Return a marker of side 1 m at `pose`, before its plain ground or one photograph wall."""
     on_photo = condition.background != "uniform"
     texture, side = _marker_texture(condition.marker, contrast, on_photo)
     marker = Quad("marker", texture, (side, side), pose, Mark("marker", condition.marker, 1.0))
     if not on_photo:
-        return Scene((marker,), background=float(texture.pixels[0, 0]))
+        return Scene((marker,), background=_ground(condition.marker, texture))
     behind = pose.copy()
     behind[:3, 3] -= 0.01 * pose[:3, 2] + pose[:3, :2] @ photo_offset
     wall = Quad("wall", _photo(condition.background), (_PHOTO_SIDES, _PHOTO_SIDES), behind)
     return Scene((marker, wall), background=_MID_GRAY)
+
+
+def _ground(kind: str, texture: Texture) -> float:
+    return float(plain_ground(polarity_of(kind)) if kind.startswith("surf") else texture.pixels[0, 0])
 
 
 @cache
@@ -205,11 +210,11 @@ def _marker_texture(kind: str, contrast: float, framed: bool) -> tuple[Texture, 
 @cache
 def marker_pattern(kind: str) -> NDArray[np.float64]:
     """Return a marker finely drawn, without a border, grey levels 0…255."""
-    polarity: Polarity = "light" if kind.endswith("light") else "dark"
+    polarity = polarity_of(kind)
     limit: Limit = "range" if "range" in kind else "energy"
     if kind.startswith("surf"):
         return surf_texture(polarity, limit, _CELL_TEXELS, border_cells=0).astype(np.float64)
-    sigma = _SIFT_TEXELS / SIFT_SIDES
+    sigma = _SIFT_TEXELS / SIFT_SIDE_IN_SIGMA
     return sift_marker(sigma, _SIFT_TEXELS, polarity, limit).astype(np.float64)
 
 
@@ -234,7 +239,7 @@ def _blob_points(kind: str) -> NDArray[np.float64]:
     square = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     if kind.startswith("surf"):
         return square * 5 / 9
-    radius = dog_zero_crossing(1 / SIFT_SIDES)
+    radius = dog_zero_crossing(1 / SIFT_SIDE_IN_SIGMA)
     disc: NDArray[np.float64] = square[np.linalg.norm(square, axis=1) <= 0.5] * 2 * radius
     return disc
 

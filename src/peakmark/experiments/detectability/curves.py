@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from peaksim.extras import needs_extra
 
 from peakmark.experiments.detectability.figures import COLOURS, new_figure
 from peakmark.experiments.detectability.points import sides_away
 from peakmark.experiments.detectability.tables import select
-from peakmark.experiments.detectability.trials import Row
+from peakmark.experiments.detectability.trials import Row, Summary
 from peakmark.score.wanted import TOLERANCE_PX
 
 Curve = tuple[str, str, str]
@@ -32,7 +33,7 @@ LABELS = {
 
 _LOGARITHMIC = ("scale", "contrast", "exposure")
 _SURF = [("surf-dark", "surf-paper", ""), ("surf-dark", "surf", ""), ("surf-range-dark", "surf-paper", "")]
-_SIFT = [("sift-dark", "sift", ""), ("sift-range-dark", "sift", "")]
+_SIFT = [("sift-dark", "sift", ""), ("sift-dark", "vlfeat", ""), ("sift-range-dark", "sift", "")]
 _FIGURES = {"scale": "figure-7", "turn": "figure-8", "tilt": "figure-9"}
 
 
@@ -47,7 +48,7 @@ def curve_figures(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def panels_of(experiment: str) -> list[list[Curve]]:
-    """Return the curves of an experiment's two panels, SURF's and SIFT's."""
+    """Return the curves of an experiment's panels: SURF's, SIFT's, and VLFeat's where they would crowd these."""
     series = {
         "tilt": [sides_away(d) for d in (1, 2, 5, 20)],
         "contrast": ["uniform", "gravel"],
@@ -55,7 +56,8 @@ def panels_of(experiment: str) -> list[list[Curve]]:
     }.get(experiment)
     if series is None:
         return [_SURF, _SIFT]
-    return [[(*pair, name) for name in series] for pair in (("surf-dark", "surf-paper"), ("sift-dark", "sift"))]
+    pairs = (("surf-dark", "surf-paper"), ("sift-dark", "sift"), ("sift-dark", "vlfeat"))
+    return [[(*pair, name) for name in series] for pair in pairs]
 
 
 @needs_extra
@@ -85,19 +87,32 @@ def curves_figure(rows: Sequence[Row], experiment: str, panels: Sequence[Sequenc
 
 
 def draw_response(ax: Any, curve: Sequence[Row], colour: str, label: str) -> None:
-    """Draw the median response over that of the undistorted marker and, over several trials, its middle 90 %."""
-    found = [(row.x, row.found) for row in curve if row.found.response_ratio]
-    x = [x for x, _ in found]
-    middle, low, high = (
-        np.array([one.response_ratio * (getattr(one.response, name) / one.response.median) for _, one in found])
-        for name in ("median", "p5", "p95")
-    )
+    """Draw the median response over that of the undistorted marker and, over several trials, its middle 90 %.
+
+    Dotted, the curve goes on where the key point is more than 3 px off; a dotted vertical marks from where on the RMS
+    error is, as in the paper's Figure 9.
+    """
+    x, found = [row.x for row in curve], [row.found for row in curve]
+    middle, low, high = (_ratios(found, name) for name in ("median", "p5", "p95"))
+    near = np.array([one.near_response_ratio for one in found], dtype=np.float64)
     ax.plot(x, middle, color=colour, label=label, marker="o", markersize=2.5, linewidth=1.2)
+    ax.plot(x, near, color=colour, linewidth=1.2, linestyle=":")
+    for beyond in [row.x for row in curve if (row.found.error.rms or 0) > TOLERANCE_PX][:1]:
+        ax.axvline(beyond, color=colour, linewidth=0.9, linestyle=":")
     several = _has_several_trials(curve)
     if several:
         ax.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
     ax.set(ylabel="response / undistorted", title="response: median and middle 90 %" if several else "response")
     ax.set_ylim(0, max(1.25, ax.get_ylim()[1]))
+
+
+def _ratios(found: Sequence[Summary], name: str) -> NDArray[np.float64]:
+    """Return a percentile of the response over that of the undistorted marker, nan where nothing was detected."""
+    scaled = [
+        one.response_ratio * getattr(one.response, name) / one.response.median if one.response_ratio else np.nan
+        for one in found
+    ]
+    return np.array(scaled, dtype=np.float64)
 
 
 def draw_rate(ax: Any, curve: Sequence[Row], colour: str) -> None:

@@ -1,7 +1,8 @@
 """Figures 1–6 of the paper: the markers, the filters, the descriptors, and examples of distortions."""
 
 import itertools
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from peakmark import marker
 from peakmark.detectors.outcome import run_detector
 from peakmark.detectors.registry import find_detector
 from peakmark.experiments.detectability.conditions import Condition, render_image
-from peakmark.identification.signature import reference_descriptor
+from peakmark.identification.signature import INNER_CELLS, VERSION_INDEPENDENT, reference_descriptor
 from peakmark.markers.optimum import Limit
 
 COLOURS = ("#0969da", "#1a7f37", "#bc4c00", "#8250df", "#cf222e", "#57606a")
@@ -83,24 +84,60 @@ def figure_3() -> Any:
 
 
 def figure_4() -> Any:
-    """Return the support of the descriptors beside the markers, and the descriptors of both SURF polarities."""
-    figure, axes = new_figure(2, 2, 9, 6.5, 0.3)
+    """Return the support of the descriptors beside the markers, and the descriptors of both polarities.
+
+    Of the light SURF marker also on white paper, where the entries that it shares with the dark one are others.
+    """
+    figure, axes = new_figure(2, 3, 10, 9.5, 0.35)
+    _draw_supports(axes[:2])
+    for ax, polarity in zip(axes[2::2], get_args(marker.Polarity), strict=True):
+        title = f"SURF descriptor, {polarity}; signature in green"
+        _draw_descriptor(ax, reference_descriptor(polarity), title, "dimension", (-0.6, 0.6))
+    for ax, polarity in zip(axes[3::2], get_args(marker.Polarity), strict=True):
+        title = f"SIFT descriptor, {polarity}; signature in green"
+        _draw_descriptor(ax, _sift_descriptor(polarity), title, "dimension", (0, 0.4))
+    shared = VERSION_INDEPENDENT
+    for on_paper, colour, place in ((False, "black", "black"), (True, COLOURS[2], "white paper")):
+        distance = vis_distance(on_paper)
+        label = f"shared entries on {place}: {distance:.2g} from the dark one's"
+        values = reference_descriptor("light", on_paper)[shared]
+        axes[4].plot(shared + 1, values, "_", color=colour, markersize=7, markeredgewidth=2, label=label)
+    axes[4].legend(frameon=False, fontsize=8, loc="lower right")
+    return figure
+
+
+def vis_distance(is_on_paper: bool) -> float:
+    """Return how far the light marker's version-independent signature is from the dark one's, on black or white."""
+    dark, light = reference_descriptor("dark"), reference_descriptor("light", is_on_paper)
+    return float(np.linalg.norm((dark - light)[VERSION_INDEPENDENT]))
+
+
+def _draw_supports(axes: Sequence[Any]) -> None:
     for ax, name, side, support in ((axes[0], "SURF", 9.0, 20 * 1.2), (axes[1], "SIFT", 12.0, 12.0 / np.sqrt(2))):
         make = marker.surf_marker if name == "SURF" else marker.sift_marker
-        pattern = make(side_px=180)
         half = side / 2
-        show_image(ax, pattern, f"{name} descriptor's 4 × 4 cells", extent=(-half, half, half, -half))
+        show_image(ax, make(side_px=180), f"{name} descriptor's 4 × 4 cells", extent=(-half, half, half, -half))
         lines = np.linspace(-support / 2, support / 2, 5)
         ax.hlines(lines, lines[0], lines[-1], color=COLOURS[2], linewidth=1)
         ax.vlines(lines, lines[0], lines[-1], color=COLOURS[2], linewidth=1)
         room = max(half, support / 2) * 1.05
         ax.set(xlim=(-room, room), ylim=(room, -room))
-    inner = np.isin(np.arange(64) // 4, (5, 6, 9, 10))
-    for ax, polarity in zip(axes[2:], ("dark", "light"), strict=True):
-        values = reference_descriptor(polarity)
-        ax.bar(np.arange(1, 65), values, color=np.where(inner, COLOURS[1], COLOURS[5]))
-        ax.set(title=f"SURF descriptor, {polarity}; signature in green", xlabel="dimension", ylim=(-0.6, 0.6))
-    return figure
+
+
+def _draw_descriptor(ax: Any, values: NDArray[Any], title: str, xlabel: str, ylim: tuple[float, float]) -> None:
+    dimensions = np.arange(len(values))
+    inner = np.isin(dimensions // (len(values) // 16), INNER_CELLS)
+    ax.bar(dimensions + 1, values, color=np.where(inner, COLOURS[1], COLOURS[5]))
+    ax.set(xlabel=xlabel, ylim=ylim)
+    ax.set_title(title, fontsize=10)
+
+
+def _sift_descriptor(polarity: marker.Polarity) -> NDArray[np.float64]:
+    """Return the (128,) descriptor of the SIFT marker before the grey of its rim, of unit length."""
+    pattern = marker.sift_marker(polarity=polarity)
+    found = find_detector("sift")(np.pad(pattern, len(pattern), mode="edge"))
+    assert found.descriptors is not None
+    return np.asarray(found.descriptors[0] / np.linalg.norm(found.descriptors[0].astype(np.float64)))
 
 
 def figure_5() -> Any:

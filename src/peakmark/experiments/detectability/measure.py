@@ -28,6 +28,9 @@ from peakmark.plain import from_plain
 _REFERENCE_TRIALS = 25
 """Undistorted images whose medians are the reference."""
 
+_VERSION = 2
+"""Of what is drawn and measured: a journal of another one is not resumed."""
+
 _KEPT_DRAWINGS = 128
 """Drawings that a process keeps: the default 100 trials of one scenery, 1 MB each."""
 
@@ -88,7 +91,8 @@ def _stream(seed: int, name: str, trial: int) -> np.random.Generator:
 
 def open_journal(config: DetectabilityConfig, out: str | Path) -> Journal:
     """Open the journal of finished points; what is measured of a point depends on these fields alone."""
-    return Journal.open(out, {name: getattr(config, name) for name in ("trials", "seed", "extra", "is_paper")})
+    settings = {name: getattr(config, name) for name in ("trials", "seed", "extra", "is_paper")}
+    return Journal.open(out, {**settings, "version": _VERSION})
 
 
 def measure_points(

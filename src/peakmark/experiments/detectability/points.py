@@ -1,6 +1,6 @@
 """What is measured: the axes of Section 4.1 and those beside them, as points of one condition each."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from peakmark.detectors.registry import find_detector
 from peakmark.errors import InputError
-from peakmark.experiments.detectability.conditions import SIFT_SIDES, Condition
+from peakmark.experiments.detectability.conditions import Condition
 from peakmark.experiments.option import check_range
+from peakmark.markers.sheet import SIFT_SIDE_IN_SIGMA
 
 SURF_SIDE_PX = 147.0
 """Side of the SURF marker where it is not the axis (the paper's)."""
@@ -35,7 +36,13 @@ MAP_POSITION_RANGE_PX = 8.0
 PAPER_EXPERIMENTS = ("scale", "turn", "tilt", "noise")
 """What Section 4.1 measures."""
 
+SURF_SEAMS_PX = (27.0, 55.0, 109.0)
+SIFT_SEAMS_PX = (2.26, 4.53, 9.05, 18.1, 36.2)
+"""Sizes where ditches are looked for: SURF sides half-way between two octaves of the paper's preset, 1.09·√(21·30) px
+and doubled, and σ at the seams between SIFT's octaves, 1.6·2^(k + ½) px."""
+
 _SURF_DETECTORS = ("surf-paper", "surf")
+_MAPPED = {"surf-dark": _SURF_DETECTORS, "sift-dark": ("sift",), "sift-range-dark": ("sift", "surf")}
 _SIFT_IMAGE_PX = 257
 _TILTS_DEG = np.array([0, 15, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80], float)
 _NEAR_TILTS_DEG = np.array([0, 15, 25, 30, 35, 45, 55, 65, 75, 80], float)
@@ -48,7 +55,7 @@ class DetectabilityConfig:
     trials: int = 100
     """Random phases and rotations a point."""
     every: int = 1
-    """Take each n-th value of every axis; 1 takes all."""
+    """Take each n-th value of every axis, and of sizes also those nearest to the seams; 1 takes all."""
     seed: int = 0
     """A drawing's stream derives from (seed, its scenery, the trial), an image's from (seed, its point, the trial)."""
     extra: tuple[str, ...] = ()
@@ -107,13 +114,23 @@ def undistorted(kind: str) -> Condition:
     """Return the condition of the paper's size and nothing else; the image holds the filters next to that size."""
     if kind.startswith("surf"):
         return Condition(kind, SURF_SIDE_PX)
-    return Condition(kind, SIFT_SIGMA_PX * SIFT_SIDES, _SIFT_IMAGE_PX)
+    return Condition(kind, SIFT_SIGMA_PX * SIFT_SIDE_IN_SIGMA, _SIFT_IMAGE_PX)
 
 
 def _markers(kinds: tuple[str, ...] = SURF_KINDS + SIFT_KINDS) -> Iterator[tuple[Condition, tuple[str, ...]]]:
     """Yield every marker's undistorted condition and its detectors."""
     for kind in kinds:
         yield undistorted(kind), _SURF_DETECTORS if kind in SURF_KINDS else ("sift",)
+
+
+def _with_vlfeat(listed: list[Point]) -> list[Point]:
+    """Return the points with VLFeat's SIFT, the paper's, beside OpenCV's on the DoG, if it is installed."""
+    if not find_spec("pycolmap"):
+        return listed
+    return [
+        replace(point, detectors=(*point.detectors, "vlfeat")) if point.condition.marker == "sift-dark" else point
+        for point in listed
+    ]
 
 
 def _along(
@@ -134,19 +151,25 @@ def _along(
 
 def _scale(every: int) -> list[Point]:
     """SURF sides 8…260 px, SIFT σ 1…60 px, binary markers at every other; some go to both detectors."""
-    sides = np.unique(np.rint(np.geomspace(8, 260, 54)))[::every]
-    sigmas = np.round(np.geomspace(1, 60, 22), 2)[::every]
+    sides = _thinned(np.unique(np.rint(np.geomspace(8, 260, 54))), every, SURF_SEAMS_PX)
+    sigmas = _thinned(np.round(np.geomspace(1, 60, 22), 2), every, SIFT_SEAMS_PX)
     surf = [
         Point("scale", float(s), _sized(kind, float(s)), _scale_detectors(kind, s))
         for kind, step in zip(SURF_KINDS, (1, 2), strict=True)
         for s in sides[::step]
     ]
     sift = [
-        Point("scale", float(s), _sized(kind, SIFT_SIDES * s), ("sift", "surf-paper"))
+        Point("scale", float(s), _sized(kind, SIFT_SIDE_IN_SIGMA * s), ("sift", "surf-paper"))
         for kind, step in zip(SIFT_KINDS, (1, 2), strict=True)
         for s in sigmas[::step]
     ]
-    return surf + sift
+    return _with_vlfeat(surf + sift)
+
+
+def _thinned(sizes: NDArray[np.float64], every: int, seams: Sequence[float]) -> NDArray[np.float64]:
+    """Return each n-th size, and those nearest to the seams."""
+    nearest = [int(np.abs(np.log(sizes / seam)).argmin()) for seam in seams]
+    return sizes[sorted({*range(0, len(sizes), every), *nearest})]
 
 
 def _sized(kind: str, side_px: float) -> Condition:
@@ -169,7 +192,7 @@ def _bias(every: int) -> list[Point]:
     """Return points for all SIFT detectors; VLFeat's takes part if it is installed."""
     names = ("sift", "sift-opencv", *(("vlfeat",) if find_spec("pycolmap") else ()))
     sigmas = np.array([4.0, 6.0, 9.0, 13.0])[::every]
-    return [Point("bias", float(s), _sized("sift-dark", SIFT_SIDES * s), names) for s in sigmas]
+    return [Point("bias", float(s), _sized("sift-dark", SIFT_SIDE_IN_SIGMA * s), names) for s in sigmas]
 
 
 def _tilt(every: int) -> list[Point]:
@@ -188,12 +211,12 @@ def _tilt(every: int) -> list[Point]:
             image_px=image_px if distance < 5 else undistorted(kinds[0]).image_px,
         )
     ]
-    return near + _along("tilt", "tilt_deg", _TILTS_DEG[::every], sides_away(20.0), distance_sides=20.0)
+    return _with_vlfeat(near + _along("tilt", "tilt_deg", _TILTS_DEG[::every], sides_away(20.0), distance_sides=20.0))
 
 
 def sides_away(distance: float) -> str:
     """Return the series of a distance in marker sides."""
-    return f"{distance:g} sides away"
+    return f"{distance:g} side{'' if distance == 1 else 's'} away"
 
 
 def _contrast(every: int) -> list[Point]:
@@ -221,11 +244,10 @@ def _vignetting(every: int) -> list[Point]:
 
 def _map(every: int) -> list[Point]:
     """Return sides × tilts from afar, without and with noise: the operating envelope in metres is read from them."""
-    surf_sides = np.rint(np.geomspace(10, 210, 18))[::every]
-    sift_sides = np.rint(np.geomspace(12, 210, 11))[::every]
+    sides = np.rint(np.geomspace(10, 210, 18))[::every]
     return [
         Point("map", float(side), _map_condition(kind, float(side), tilt, noise), detectors, map_series(tilt, noise))
-        for kind, detectors, sides in (("surf-dark", _SURF_DETECTORS, surf_sides), ("sift-dark", ("sift",), sift_sides))
+        for kind, detectors in _MAPPED.items()
         for tilt in MAP_TILTS_DEG[::every]
         for side in sides
         for noise in MAP_NOISES
@@ -251,7 +273,7 @@ def _noise(every: int) -> list[Point]:
     """Return noise over the whole image of the paper, where it competes with the marker."""
     values = np.arange(0.0, 101, 10)[::every]
     surf = _along("noise", "noise", values, "", SURF_KINDS, image_px=PAPER_PX)
-    return surf + _along("noise", "noise", values, "", SIFT_KINDS)
+    return _with_vlfeat(surf + _along("noise", "noise", values, "", SIFT_KINDS))
 
 
 _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
@@ -265,7 +287,7 @@ _AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 EXPERIMENTS: dict[str, Callable[[int], list[Point]]] = {
     "scale": _scale,
-    "turn": partial(_axis, "turn"),
+    "turn": lambda every: _with_vlfeat(_axis("turn", every)),
     "tilt": _tilt,
     "noise": _noise,
     "bias": _bias,

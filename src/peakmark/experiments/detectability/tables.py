@@ -16,8 +16,11 @@ from peakmark.score.statistics import Rate, wilson
 PRESETS = {"surf-dark": "surf-paper", "sift-dark": "sift"}
 """The paper's markers and the detectors that stand for its own."""
 
-SIZE = {"surf": "side", "sift": "σ"}
-"""What the scale axis measures, by family."""
+CLAIMED = (*PRESETS.items(), ("sift-dark", "vlfeat"))
+"""The same, and VLFeat's SIFT, which the paper used, where it was measured."""
+
+DITCH = 0.8
+"""A response below this share of the strongest ones on both sides is a ditch; chosen by hand."""
 
 
 def select(rows: Sequence[Row], experiment: str, marker: str, detector: str, series: str = "") -> list[Row]:
@@ -52,6 +55,17 @@ def ditches(curve: Sequence[Row], is_good: Callable[[Row], bool] = passes) -> li
     inside = [row for row in curve if whole[0] <= row.x <= whole[1]]
     runs = [list(run) for good, run in groupby(inside, is_good) if not good]
     return [(run[0].x, run[-1].x) for run in runs]
+
+
+def weak_sizes(curve: Sequence[Row]) -> list[float]:
+    """Return the x of local minima of the median response that lie below `DITCH` of the peaks on both sides."""
+    heard = [(row.x, row.found.response.median) for row in curve if row.found.response.median]
+    values = np.array([median for _, median in heard])
+    return [
+        heard[k][0]
+        for k in range(1, len(heard) - 1)
+        if values[k] < DITCH * min(values[:k].max(), values[k + 1 :].max()) and values[k] <= values[k - 1 : k + 2].min()
+    ]
 
 
 def reach(curve: Sequence[Row], rising: bool = True) -> float | None:

@@ -78,7 +78,9 @@ class Summary:
     response: Percentiles
     """Of the marker's key point, where detected."""
     response_ratio: float | None
-    """Median response over that of the undistorted marker."""
+    """Median response over that of the undistorted marker, of the trials in which it is detected."""
+    near_response_ratio: float | None
+    """The same of the trials with a key point within 0.35 sides, also beyond 3 px."""
     size_per_side: Percentiles
     """Size of the key point over the marker's side, where detected."""
     error: Localisation
@@ -117,6 +119,7 @@ class Row:
             **_rate_columns("unique", found.unique),
             **_percentile_columns("response", found.response),
             "response_ratio": found.response_ratio,
+            "near_response_ratio": found.near_response_ratio,
             **_percentile_columns("size_per_side", found.size_per_side),
             **_error_columns("", found.error),
             **_error_columns("blob_", found.blob_error),
@@ -191,13 +194,15 @@ def summarise_trials(
     """Return the figures of one condition's trials through one detector."""
     detected = [trial for trial in trials if trial.detected]
     response = _percentiles([trial.response for trial in detected])
+    near = _percentiles([trial.response for trial in trials if np.isfinite(trial.response)])
     return Summary(
         trials=len(trials),
         detected=rate(len(detected), len(trials)),
         detected_in_sides=rate(sum(trial.detected_in_sides for trial in trials), len(trials)),
         unique=rate(sum(trial.unique for trial in trials), len(trials)),
         response=response,
-        response_ratio=None if response.median is None or reference is None else response.median / reference.response,
+        response_ratio=_over(response, reference),
+        near_response_ratio=_over(near, reference),
         size_per_side=_percentiles([trial.size_per_side for trial in detected]),
         error=_localisation([trial.error_px for trial in trials]),
         blob_error=_localisation([trial.blob_error_px for trial in trials]),
@@ -206,6 +211,10 @@ def summarise_trials(
         outside=sum(outcome.outside for outcome in outcomes),
         first_failure=next((outcome.failure for outcome in outcomes if outcome.failure), ""),
     )
+
+
+def _over(response: Percentiles, reference: ReferenceResponse | None) -> float | None:
+    return None if response.median is None or reference is None else response.median / reference.response
 
 
 def _percentiles(values: Sequence[float]) -> Percentiles:

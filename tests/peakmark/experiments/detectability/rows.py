@@ -21,7 +21,9 @@ def row(experiment: str, marker: str, detector: str, x: float, hits: int = 100, 
         response = replace(response, median=figures.pop("response"))
     errors = {name: figures.pop(name) for name in ("bias_xy", "rms", "p95") if name in figures}
     share, ratio = rate(hits, 100), 1.0 if is_found else None
-    found = Summary(100, share, share, share, response, ratio, size, replace(error, **errors), error, 0, 0, 0, "")
+    found = Summary(
+        100, share, share, share, response, ratio, ratio, size, replace(error, **errors), error, 0, 0, 0, ""
+    )
     series = figures.pop("series", "")
     return Row(experiment, marker, series, float(x), detector, replace(found, **figures))
 

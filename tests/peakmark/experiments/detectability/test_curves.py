@@ -13,7 +13,7 @@ from peakmark.experiments.detectability.curves import (
 from peakmark.experiments.detectability.figures import new_figure
 from peakmark.experiments.detectability.points import EXPERIMENTS, DetectabilityConfig, points
 from peakmark.report.plots import save
-from tests.peakmark.experiments.detectability.rows import curve
+from tests.peakmark.experiments.detectability.rows import curve, row
 
 SURF = [("surf-dark", "surf-paper", "")]
 
@@ -34,7 +34,7 @@ def test_a_figure_shows_response_rate_and_error_of_each_curve():
     figure = curves_figure(rows, "noise", [SURF, [("sift-dark", "sift", "")]])
     response, rate, error = figure.axes
     assert response.get_legend().get_texts()[0].get_text() == "surf-dark, surf-paper"
-    np.testing.assert_allclose(response.lines[0].get_xydata(), [[0, 1], [50, 1]])
+    np.testing.assert_allclose(response.lines[0].get_xydata(), [[0, 1], [50, 1], [100, np.nan]])
     np.testing.assert_allclose(rate.lines[0].get_ydata(), [1, 0.9, 0])
     np.testing.assert_allclose(error.lines[0].get_xydata(), [[0, 0.1], [50, 0.1]])
 
@@ -66,4 +66,16 @@ def test_only_what_was_measured_is_drawn():
 def test_an_axis_on_which_nothing_was_found_can_be_drawn(tmp_path):
     figure = curves_figure(curve("exposure", *SURF[0][:2], {0.05: 0}), "exposure", [SURF])
     save(figure, tmp_path / "figure.png")
-    assert [len(ax.lines[0].get_xdata()) for ax in figure.axes] == [0, 1, 0]
+    assert [len(ax.lines[0].get_xdata()) for ax in figure.axes] == [1, 1, 0]
+    assert np.isnan(figure.axes[0].lines[0].get_ydata()).all()
+
+
+def test_the_response_goes_on_dotted_beyond_3_px_and_a_vertical_says_from_where():
+    rows = [row("tilt", "m", "d", 0), row("tilt", "m", "d", 40, hits=0, rms=4.0, near_response_ratio=0.7)]
+    _, (ax,) = new_figure()
+    draw_response(ax, rows, "black", "m")
+    solid, dotted, limit = ax.lines
+    np.testing.assert_array_equal(solid.get_ydata(), [1, np.nan])
+    np.testing.assert_array_equal(dotted.get_ydata(), [1, 0.7])
+    assert limit.get_xdata()[0] == 40
+    assert dotted.get_linestyle() == limit.get_linestyle() == ":"

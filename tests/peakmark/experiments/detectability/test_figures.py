@@ -1,7 +1,16 @@
 import numpy as np
+import pytest
 
 from peakmark import marker
-from peakmark.experiments.detectability.figures import figure_1, figure_2, figure_3, figure_4, figure_5, figure_6
+from peakmark.experiments.detectability.figures import (
+    figure_1,
+    figure_2,
+    figure_3,
+    figure_4,
+    figure_5,
+    figure_6,
+    vis_distance,
+)
 
 
 def images(figure):
@@ -35,6 +44,19 @@ def test_figure_4_marks_the_inner_cells_of_the_descriptor():
     bars = figure_4().axes[2].patches
     green = [i for i, bar in enumerate(bars, 1) if bar.get_facecolor() != bars[0].get_facecolor()]
     assert green == [*range(21, 29), *range(37, 45)]
+
+
+def test_figure_4_draws_sifts_signature_and_what_white_paper_changes():
+    axes = figure_4().axes
+    for ax in axes[3::2]:
+        heights = np.array([bar.get_height() for bar in ax.patches])
+        inner = np.isin(np.arange(128) // 8, (5, 6, 9, 10))
+        assert np.linalg.norm(heights) == pytest.approx(1)
+        assert (heights[inner] ** 2).sum() > 0.85  # the signature
+    black, white = (line.get_ydata() for line in axes[4].lines)
+    assert black.shape == white.shape == (8,)
+    assert (vis_distance(False), vis_distance(True)) == pytest.approx((0.035, 0.24), abs=0.005)
+    assert np.linalg.norm(white - black) == pytest.approx(0.24, abs=0.01)
 
 
 def test_figure_6_crosses_lie_on_the_truth_except_under_strong_perspective():

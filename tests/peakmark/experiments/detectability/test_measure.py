@@ -28,7 +28,7 @@ def test_measure_finds_the_undistorted_markers_with_both_presets():
 def test_the_same_seed_gives_the_same_rows_in_any_process_and_an_interrupted_run_resumes(tmp_path):
     whole = open_journal(SMALL, tmp_path / "whole")
     rows = measure_points(SMALL, whole, workers=2)
-    assert len(rows) == 2 * (2 + 2 + 1 + 1)
+    assert len(rows) == sum(len(point.detectors) for point in points(SMALL)) >= 2 * (2 + 2 + 1 + 1)
 
     lines = whole.path.read_text().splitlines()
     broken = tmp_path / "broken"

@@ -32,7 +32,25 @@ def test_every_axis_covers_what_it_should():
         values = [p.x for p in points(DetectabilityConfig(only=(experiment,))) if p.condition.marker == marker]
         assert (min(values), max(values)) == span
     tilts = {p.series for p in points(DetectabilityConfig(only=("tilt",))) if p.condition.marker == "surf-dark"}
-    assert tilts == {f"{d} sides away" for d in (1, 2, 5, 20)}
+    assert tilts == {"1 side away", "2 sides away", "5 sides away", "20 sides away"}
+
+
+def test_thinned_sizes_keep_those_next_to_the_seams():
+    sizes = {p.x for p in points(DetectabilityConfig(every=4, only=("scale",))) if p.condition.marker == "surf-dark"}
+    assert {28, 54, 111} <= sizes
+    sigmas = {p.x for p in points(DetectabilityConfig(every=4, only=("scale",))) if p.condition.marker == "sift-dark"}
+    assert {8.54, 18.63} <= sigmas
+
+
+def test_vlfeat_takes_part_in_the_papers_experiments_where_it_is_installed(monkeypatch):
+    def vlfeat_points():
+        everything = points(DetectabilityConfig())
+        return {(p.experiment, p.condition.marker) for p in everything if "vlfeat" in p.detectors}
+
+    monkeypatch.setattr("peakmark.experiments.detectability.points.find_spec", lambda name: object())
+    assert vlfeat_points() == {(name, "sift-dark") for name in (*PAPER_EXPERIMENTS, "bias")}
+    monkeypatch.setattr("peakmark.experiments.detectability.points.find_spec", lambda name: None)
+    assert vlfeat_points() == set()
 
 
 def test_further_detectors_get_every_point_once():

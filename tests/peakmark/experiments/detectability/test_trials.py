@@ -69,10 +69,16 @@ def test_summary_counts_and_averages_what_was_found():
     assert (row.failures, row.not_finite, row.outside, row.first_failure) == (1, 1, 2, "E: x")
 
 
+def test_a_key_point_beyond_3_px_counts_for_the_near_response_alone():
+    found = [outcome((106, 100, 50, 6)), outcome((100, 100, 50, 8))]
+    row = summarise_trials([score_image(VIEW, one, REFERENCE) for one in found], found, REFERENCE)
+    assert (row.response_ratio, row.near_response_ratio) == pytest.approx((0.8, 0.7))
+
+
 def test_summary_of_misses_has_no_figures():
     row = summarise_trials([score_image(VIEW, outcome(), REFERENCE)], [outcome()], REFERENCE)
     assert row.detected.value == 0
-    assert row.response.median is row.error.rms is row.response_ratio is None
+    assert row.response.median is row.error.rms is row.response_ratio is row.near_response_ratio is None
 
 
 def test_reference_is_the_median_of_what_was_detected():
