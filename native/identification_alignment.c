@@ -94,19 +94,11 @@ static void fill_parts(const columns *c, bool is_covered, double *of_parts, doub
     }
 }
 
-static void residuals_of(model *m, const double *theta, const pixels *chosen, double *jacobian, double *r) {
-    prepare(m, theta);
-    for (int64_t first = 0; first < chosen->count; first += TILE)
-        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, least(TILE, chosen->count - first),
-                     r + first, jacobian, TILE);
-}
-
 /* Leave out the pixels that something covers: whose residual is above twice the model's cut. Returns the share that stays. */
-static double drop_covered(model *m, const double *theta, double *jacobian, double *r, int32_t *xy, float *levels,
-                           pixels *chosen) {
+static double drop_covered(model *m, const double *theta, double *r, int32_t *xy, float *levels, pixels *chosen) {
     int64_t kept = 0, count = chosen->count;
     if (!(m->cut > 0)) return 1;
-    residuals_of(m, theta, chosen, jacobian, r);
+    compare_all(m, theta, chosen, r, NULL);
     for (int64_t i = 0; i < count; i++)
         if (fabs(r[i]) <= 2 * m->cut) {
             xy[2 * kept] = xy[2 * i], xy[2 * kept + 1] = xy[2 * i + 1];
@@ -117,10 +109,10 @@ static double drop_covered(model *m, const double *theta, double *jacobian, doub
 }
 
 static void measure(model *m, const double *theta, const pixels *chosen, const columns *c, const double *knots,
-                    int64_t knot_count, double *jacobian, double *figures) {
+                    int64_t knot_count, double *figures) {
     int64_t rows = 3 + knot_count;
     fill_basis(c, chosen, theta, m->anchor, knots, knot_count);
-    residuals_of(m, theta, chosen, jacobian, c->r);
+    compare_all(m, theta, chosen, c->r, NULL);
     for (int64_t i = 0; i < c->n; i++) c->predicted[i] = c->values[i] - c->r[i];
     leave(c->basis, 3, c->values, c->n, c->flat);
     leave(c->basis, rows, c->values, c->n, c->round);
@@ -140,9 +132,9 @@ typedef struct {
 } counted;
 
 static void count_up(model *m, const double *theta, counted *tile, double *sums, double *counts) {
-    double r[TILE], jacobian[LIT * TILE];
-    compare_tile(m, theta, tile->xy, tile->levels, tile->count, r, jacobian, TILE);
-    for (int64_t i = 0; i < tile->count; i++) sums[tile->cells[i]] += r[i] / theta[8], counts[tile->cells[i]]++;
+    tile_rows rows;
+    if (tile->count) compare_tile(m, theta, tile->xy, tile->levels, tile->count, rows);
+    for (int64_t i = 0; i < tile->count; i++) sums[tile->cells[i]] += rows[LIT][i] / theta[8], counts[tile->cells[i]]++;
     tile->count = 0;
 }
 
@@ -203,7 +195,6 @@ EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t wid
     memory taken = {.count = 0};
     pixels chosen;
     columns c;
-    double jacobian[LIT * TILE];
     int32_t *xy;
     float *levels;
     memset(figures, 0, 8 * sizeof *figures);
@@ -212,10 +203,10 @@ EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t wid
     status state = read_bytes(&m, gray, height, width, theta, &taken, &xy, &levels, &chosen);
     double *r = state == DONE ? take(&taken, chosen.count, sizeof *r) : NULL;
     if (state == DONE && !r) state = OUT_OF_MEMORY;
-    if (state == DONE) figures[7] = drop_covered(&m, theta, jacobian, r, xy, levels, &chosen);
+    if (state == DONE) figures[7] = drop_covered(&m, theta, r, xy, levels, &chosen);
     if (state == DONE && chosen.count >= MIN_PIXELS) {
         state = take_columns(&c, chosen.count, 3 + knot_count, &taken);
-        if (state == DONE) measure(&m, theta, &chosen, &c, knots, knot_count, jacobian, figures);
+        if (state == DONE) measure(&m, theta, &chosen, &c, knots, knot_count, figures);
         if (state == DONE) fill_cells(&m, gray, height, width, theta, sums, counts);
     }
     give_back(&taken);

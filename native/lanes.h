@@ -3,12 +3,14 @@
 #ifndef LANES_H
 #define LANES_H
 
+#include <stdint.h>
 #include <string.h>
 
 #pragma GCC diagnostic ignored "-Wpsabi" /* lanes are passed between inlined functions only */
 
 typedef double double4 __attribute__((vector_size(32)));
 typedef float float8 __attribute__((vector_size(32)));
+typedef int32_t lanes8 __attribute__((vector_size(32))); /* all bits of a lane are set where a comparison holds */
 
 static inline double4 load4(const double *from) {
     double4 lanes;
@@ -20,6 +22,45 @@ static inline float8 load8(const float *from) {
     float8 lanes;
     memcpy(&lanes, from, sizeof lanes);
     return lanes;
+}
+
+static inline void store8(float *to, float8 lanes) { memcpy(to, &lanes, sizeof lanes); }
+
+static inline float8 all8(float x) { return (float8){x, x, x, x, x, x, x, x}; }
+
+static inline float8 absolute8(float8 x) { return (float8)((lanes8)x & ((lanes8){0} + INT32_MAX)); }
+
+/* x where it is so, else 0. */
+static inline float8 only8(lanes8 is_so, float8 x) { return (float8)(is_so & (lanes8)x); }
+
+static inline float8 choose8(lanes8 is_first, float8 first, float8 second) {
+    return (float8)((is_first & (lanes8)first) | (~is_first & (lanes8)second));
+}
+
+static inline float least8(float8 lanes) {
+    float least = lanes[0];
+    for (int k = 1; k < 8; k++) least = lanes[k] < least ? lanes[k] : least;
+    return least;
+}
+
+static inline float most8(float8 lanes) {
+    float most = lanes[0];
+    for (int k = 1; k < 8; k++) most = lanes[k] > most ? lanes[k] : most;
+    return most;
+}
+
+/* e^x of x ≤ 80, within two units in the last place; below −86 as of −86. See same_exp in elementary.h. */
+static inline float8 exp8(float8 x) {
+    const float8 shift = all8(0x1.8p23f);
+    x = choose8(x > all8(-86.0f), x, all8(-86.0f));
+    float8 shifted = x * all8(1.44269504f) + shift, k = shifted - shift;
+    float8 r = (x - k * all8(0.693145752f)) - k * all8(1.42860677e-06f);
+    float8 series = all8(1.0f / 720) * r + all8(1.0f / 120);
+    series = series * r + all8(1.0f / 24);
+    series = series * r + all8(1.0f / 6);
+    series = series * r + all8(0.5f);
+    float8 value = all8(1) + (r + r * r * series);
+    return (float8)((lanes8)value + ((lanes8)shifted << 23));
 }
 
 static inline double sum4(double4 lanes) { return (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]); }

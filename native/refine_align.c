@@ -398,9 +398,7 @@ status fill_sandwich(model *m, const pixels *chosen, const double *theta, double
     if (!r || !jacobian) return OUT_OF_MEMORY;
     use_all(&everything);
     add_up(m, theta, chosen, everything.used, &sums);
-    for (int64_t first = 0; first < count; first += TILE)
-        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, least(TILE, count - first), r + first,
-                     jacobian + first, count);
+    compare_all(m, theta, chosen, r, jacobian);
     for (int64_t k = 0; k < n * n; k++) hessian[k] = sums.hessian[k] / noise;
     for (int64_t k = 0; k < n; k++) hessian[k * n + k] += precision[k] + RIDGE, inverse[k * n + k] = 1;
     if (!solve(hessian, n, inverse, n)) return DONE;

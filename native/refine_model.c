@@ -1,18 +1,20 @@
 /* Serves peakmark/refine/model.py, and lit.py with it. */
 
 #include <math.h>
+#include <string.h>
 #include "elementary.h"
 #include "lanes.h"
 #include "refine_model.h"
 
-static const double PIXEL_VARIANCE = 1.0 / 12, MIN_BLUR = 1e-3, REACH = 3.5, MIN_DEPTH = 0.05, DENSITY = 0.39894228040143267794;
+static const double PIXEL_VARIANCE = 1.0 / 12, MIN_BLUR = 1e-3, MIN_DEPTH = 0.05;
+static const float REACH = 3.5f, DENSITY = 0.39894228f;
 static const float CLIPPED = 253.5f; /* grey level from which a pixel counts as white */
 
 /* Φ(z) = ½ + φ(z) (z + z³/3 + z⁵/(3·5) + …): no term has another sign. */
 static double normal(double z) {
     double term = z, sum = z;
     for (double k = 3; fabs(term) > 1e-17 * fabs(sum); k += 2) sum += term *= z * z / k;
-    return 0.5 + DENSITY * same_exp(-0.5 * z * z) * sum;
+    return 0.5 + 0.39894228040143267794 * same_exp(-0.5 * z * z) * sum;
 }
 
 EXPORT void normal_distribution(const double *z, int64_t n, double *values) {
@@ -103,10 +105,14 @@ EXPORT int64_t select_pixels(const double *theta, const double *lines, int64_t l
     return select_from(&m, theta, height, width, stride, xy, near);
 }
 
-/* How the printed levels show under the tone exponent, and the derivatives by its logarithm. */
+/* How the printed levels show, under the tone exponent with derivatives by its logarithm; in single precision, with the lines. */
 void prepare(model *m, const double *theta) {
-    if (m->parameters == PLAIN) return;
     int64_t cells = (m->line_count + 1) * (m->line_count + 1);
+    for (int64_t k = 0; k < m->line_count; k++) m->own_lines[k] = (float)m->lines[k];
+    if (m->parameters == PLAIN) {
+        for (int64_t k = 0; k < cells; k++) m->shown[k] = (float)m->levels[k];
+        return;
+    }
     double exponent = same_exp(theta[15]), shown[MOST_LINES + 1], slopes[MOST_LINES + 1];
     for (int64_t k = 0; k < m->base_count; k++) {
         bool is_black_or_white = m->base[k] <= 0.0 || m->base[k] >= 1.0;
@@ -114,231 +120,219 @@ void prepare(model *m, const double *theta) {
         slopes[k] = is_black_or_white ? 0.0 : shown[k] * same_log(m->base[k]) * exponent;
     }
     for (int64_t k = 0; k < cells; k++) {
-        m->fitted[k] = shown[m->index[k]];
-        m->tones[k] = slopes[m->index[k]];
+        m->shown[k] = (float)shown[m->index[k]];
+        m->tones[k] = (float)slopes[m->index[k]];
     }
-    m->levels = m->fitted;
 }
 
-/* Pixels of a tile, as columns: where each looks, and along either axis its box, its Gaussian, and how far they reach. */
+/* Pixels of a tile, as columns: along either axis of the pattern the box, the Gaussian, and how far they reach. */
 typedef struct {
-    double width[TILE], sigma[TILE], reach[TILE];
+    float width[TILE], sigma[TILE], reach[TILE];
 } axis_columns;
 
+/* Where they lie from the pattern's centre, px, and from the planes' anchor, sides; and where they look. */
 typedef struct {
-    double x[TILE], y[TILE], u[TILE], v[TILE], w[TILE], ux[TILE], uy[TILE], vx[TILE], vy[TILE];
+    float x[TILE], y[TILE], p[TILE], q[TILE], u[TILE], v[TILE], w[TILE], ux[TILE], uy[TILE], vx[TILE], vy[TILE];
     axis_columns across, down;
 } view_columns;
 
-/* One axis of a pixel: the lines that it sees, the box and the Gaussian of its own, and where its steps are kept. */
-typedef struct {
-    int64_t first, last, at;
-    double width, sigma;
-} axis_view;
-
-/* The smoothed steps of a tile: a box's two ends each line, in σ, and the normal distribution and density there. */
-typedef struct {
-    int64_t count;
-    double ends[TILE * 2 * MOST_LINES * 2], steps[TILE * 2 * MOST_LINES * 2], densities[TILE * 2 * MOST_LINES * 2];
-} step_table;
-
 /* The wider of the two boxes is kept, the other's variance joins the Gaussian's: that is θ[10] in every direction, and in any
    light more along one than across it. */
-static void fill_axis(const model *m, const double *theta, const double *by_x, const double *by_y, axis_columns *axis) {
+static void fill_axis(const model *m, const double *theta, const float *by_x, const float *by_y, int64_t n, axis_columns *axis) {
     bool is_lit = m->parameters == LIT;
-    double blur = theta[10], d = is_lit ? theta[16] : 0, e = is_lit ? theta[17] : 0, least_blur = is_lit ? MIN_BLUR : 0;
-    for (int64_t i = 0; i < TILE; i++) {
-        double a = fabs(by_x[i]), b = fabs(by_y[i]), width = a > b ? a : b, other = a > b ? b : a;
-        double square = by_x[i] * by_x[i] + by_y[i] * by_y[i];
-        double own_blur = blur * square + d * (by_x[i] * by_x[i] - by_y[i] * by_y[i]) + 2 * e * by_x[i] * by_y[i];
+    const float blur = (float)theta[10], d = is_lit ? (float)theta[16] : 0, e = is_lit ? (float)theta[17] : 0;
+    const float least_blur = is_lit ? (float)MIN_BLUR : 0;
+    for (int64_t i = 0; i < n; i++) {
+        float x = by_x[i], y = by_y[i], a = fabsf(x), b = fabsf(y), width = a > b ? a : b, other = a > b ? b : a;
+        float square = x * x + y * y, own_blur = blur * square + d * (x * x - y * y) + 2 * e * x * y;
         own_blur = own_blur > least_blur * square ? own_blur : least_blur * square;
-        double sigma = sqrt(other * other / 12 + own_blur);
+        float sigma = sqrtf(other * other / 12 + own_blur);
         axis->width[i] = width, axis->sigma[i] = sigma;
         axis->reach[i] = width / 2 + REACH * sigma;
     }
 }
 
-/* Where the pixels of a tile look; beyond `count` the last one again. */
-static void fill_views(const model *m, const double *theta, const int32_t *xy, int64_t count, view_columns *views) {
-    for (int64_t i = 0; i < TILE; i++) {
-        views->x[i] = xy[2 * least(i, count - 1)], views->y[i] = xy[2 * least(i, count - 1) + 1];
-    }
-    for (int64_t i = 0; i < TILE; i++) {
-        pattern_view at = pattern_point(theta, views->x[i], views->y[i]);
-        views->u[i] = at.u, views->v[i] = at.v, views->w[i] = at.w;
-        views->ux[i] = at.ux, views->uy[i] = at.uy, views->vx[i] = at.vx, views->vy[i] = at.vy;
-    }
-    fill_axis(m, theta, views->ux, views->uy, &views->across);
-    fill_axis(m, theta, views->vx, views->vy, &views->down);
-}
-
-/* List the steps that a pixel sees along an axis. */
-static axis_view view_axis(const model *m, double u, const axis_columns *columns, int64_t i, step_table *table) {
-    axis_view axis = {.width = columns->width[i], .sigma = columns->sigma[i], .at = table->count};
-    double reach = columns->reach[i], per_sigma = 1 / axis.sigma;
-    int64_t k = 0;
-    while (k < m->line_count && u - m->lines[k] > reach) k++;
-    axis.first = k;
-    for (; k < m->line_count && m->lines[k] - u < reach; k++) {
-        table->ends[table->count++] = (u - m->lines[k] + axis.width / 2) * per_sigma;
-        table->ends[table->count++] = (u - m->lines[k] - axis.width / 2) * per_sigma;
-    }
-    axis.last = k;
-    return axis;
-}
-
-/* The normal distribution and its density, within 1e-7 (Abramowitz & Stegun 26.2.17). */
-static void fill_steps(step_table *table) {
-    for (int64_t i = 0; i < table->count; i++) {
-        double z = table->ends[i], density = DENSITY * same_exp(-0.5 * z * z), t = 1 / (1 + 0.2316419 * fabs(z));
-        double tail = density * t * (0.319381530 + t * (-0.356563782 + t * (1.781477937 + t * (-1.821255978 + t * 1.330274429))));
-        table->densities[i] = density;
-        table->steps[i] = z > 0 ? 1 - tail : tail;
+static void fill_places(const model *m, const double *theta, const int32_t *xy, int64_t count, int64_t n, view_columns *views) {
+    double side = m->parameters == LIT ? m->anchor[2] : 1;
+    for (int64_t i = 0; i < n; i++) {
+        double x = xy[2 * least(i, count - 1)], y = xy[2 * least(i, count - 1) + 1];
+        views->x[i] = (float)(x - theta[0]), views->y[i] = (float)(y - theta[1]);
+        views->p[i] = (float)((x - m->anchor[0]) / side), views->q[i] = (float)((y - m->anchor[1]) / side);
     }
 }
 
+/* Where the first n ≥ count pixels of a tile look, as `pattern_point`; beyond `count` the last one again. */
+static void fill_views(const model *m, const double *theta, const int32_t *xy, int64_t count, int64_t n, view_columns *views) {
+    const float a11 = (float)theta[2], a12 = (float)theta[3], a21 = (float)theta[4], a22 = (float)theta[5];
+    const float g1 = (float)theta[6], g2 = (float)theta[7];
+    fill_places(m, theta, xy, count, n, views);
+    for (int64_t i = 0; i < n; i++) {
+        float x = views->x[i], y = views->y[i];
+        float b11 = a11 - x * g1, b12 = a12 - x * g2, b21 = a21 - y * g1, b22 = a22 - y * g2;
+        float determinant = b11 * b22 - b12 * b21, inverse = 1 / determinant;
+        bool is_before = determinant > 0;
+        float u = is_before ? (b22 * x - b12 * y) * inverse : 0, v = is_before ? (b11 * y - b21 * x) * inverse : 0;
+        float w = is_before ? 1 + g1 * u + g2 * v : 0, scale = is_before ? w * inverse : 0;
+        views->u[i] = u, views->v[i] = v, views->w[i] = w;
+        views->ux[i] = scale * b22, views->uy[i] = -scale * b12, views->vx[i] = -scale * b21, views->vy[i] = scale * b11;
+    }
+    fill_axis(m, theta, views->ux, views->uy, n, &views->across);
+    fill_axis(m, theta, views->vx, views->vy, n, &views->down);
+}
+
+/* The density of the normal distribution, and the distribution within 1e-7 (Abramowitz & Stegun 26.2.17). */
+static inline float8 density8(float8 z) { return all8(DENSITY) * exp8(all8(-0.5f) * z * z); }
+
+static inline float8 normal8(float8 z, float8 density) {
+    float8 t = all8(1) / (all8(1) + all8(0.2316419f) * absolute8(z)), series = all8(1.330274429f);
+    series = all8(1.781477937f) + t * (all8(-1.821255978f) + t * series);
+    float8 tail = density * t * (all8(0.319381530f) + t * (all8(-0.356563782f) + t * series));
+    return choose8(z > all8(0), all8(1) - tail, tail);
+}
+
+/* Each interval's share of what eight pixels see along an axis, with its first and second derivative; interval k ends at
+   line k, and none but first … last is seen by any of them. */
 typedef struct {
-    double value[MOST_LINES + 1], slope[MOST_LINES + 1], bend[MOST_LINES + 1];
+    int64_t first, last;
+    float8 value[MOST_LINES + 1], slope[MOST_LINES + 1], bend[MOST_LINES + 1];
 } share_table;
 
-/* Each interval's share of what a pixel sees along an axis, with its first and second derivative; interval k ends at
-   line k. */
-static void fill_shares(const axis_view *axis, const step_table *table, share_table *shares) {
-    double above = 1, above_slope = 0, above_bend = 0, per_width = 1 / axis->width, scale = axis->sigma * per_width;
-    const double *ends = table->ends + axis->at, *steps = table->steps + axis->at, *density = table->densities + axis->at;
-    for (int64_t k = axis->first; k < axis->last; k++, ends += 2, steps += 2, density += 2) {
-        double step = (ends[0] * steps[0] + density[0] - ends[1] * steps[1] - density[1]) * scale;
-        double slope = (steps[0] - steps[1]) * per_width, bend = (density[0] - density[1]) / (axis->sigma * axis->width);
+static void fill_shares(const model *m, float8 u, const axis_columns *axis, int64_t i, share_table *shares) {
+    float8 width = load8(axis->width + i), sigma = load8(axis->sigma + i), reach = load8(axis->reach + i);
+    float8 per_sigma = all8(1) / sigma, per_width = all8(1) / width, half = all8(0.5f) * width * per_sigma;
+    float8 above = all8(1), above_slope = all8(0), above_bend = all8(0);
+    float lowest = least8(u - reach), highest = most8(u + reach);
+    int64_t k = 0;
+    while (k < m->line_count && m->own_lines[k] < lowest) k++;
+    for (shares->first = k; k < m->line_count && m->own_lines[k] < highest; k++) {
+        float8 t = u - all8(m->own_lines[k]), z = t * per_sigma, left = z + half, right = z - half;
+        float8 at_left = density8(left), at_right = density8(right), up_left = normal8(left, at_left), up_right = normal8(right, at_right);
+        lanes8 is_seen = absolute8(t) < reach;
+        float8 step = (left * up_left + at_left - right * up_right - at_right) * sigma * per_width;
+        step = choose8(is_seen, step, choose8(t > all8(0), all8(1), all8(0)));
+        float8 slope = only8(is_seen, (up_left - up_right) * per_width), bend = only8(is_seen, (at_left - at_right) * per_sigma * per_width);
         shares->value[k] = above - step, shares->slope[k] = above_slope - slope, shares->bend[k] = above_bend - bend;
         above = step, above_slope = slope, above_bend = bend;
     }
-    shares->value[axis->last] = above, shares->slope[axis->last] = above_slope, shares->bend[axis->last] = above_bend;
+    shares->value[k] = above, shares->slope[k] = above_slope, shares->bend[k] = above_bend;
+    shares->last = k;
 }
 
-/* What a pixel sees of the pattern, 0…1, with derivatives by u and v, twice by each, and by the tone. */
+/* What eight pixels see of the pattern, 0…1, with derivatives by u and v, twice by each, and by the tone. */
 typedef struct {
-    double level, by_u, by_v, by_uu, by_vv, by_tone;
+    float8 level, by_u, by_v, by_uu, by_vv, by_tone;
 } sight;
 
-static sight look(const model *m, const axis_view *u, const axis_view *v, const step_table *table) {
-    share_table across, down;
-    fill_shares(u, table, &across);
-    fill_shares(v, table, &down);
-    sight seen = {0};
-    for (int64_t row = v->first; row <= v->last; row++) {
-        const double *levels = m->levels + row * (m->line_count + 1), *tones = m->tones + row * (m->line_count + 1);
-        double value = 0, slope = 0, bend = 0, tone = 0;
-        for (int64_t k = u->first; k <= u->last; k++) {
-            value += levels[k] * across.value[k];
-            slope += levels[k] * across.slope[k];
-            bend += levels[k] * across.bend[k];
-            if (m->parameters == LIT) tone += tones[k] * across.value[k];
+static sight look(const model *m, const share_table *across, const share_table *down) {
+    sight seen = {all8(0), all8(0), all8(0), all8(0), all8(0), all8(0)};
+    for (int64_t row = down->first; row <= down->last; row++) {
+        const float *levels = m->shown + row * (m->line_count + 1), *tones = m->tones + row * (m->line_count + 1);
+        float8 value = all8(0), slope = all8(0), bend = all8(0), tone = all8(0);
+        for (int64_t k = across->first; k <= across->last; k++) {
+            float8 level = all8(levels[k]);
+            value += level * across->value[k], slope += level * across->slope[k], bend += level * across->bend[k];
+            if (m->parameters == LIT) tone += all8(tones[k]) * across->value[k];
         }
-        seen.level += down.value[row] * value;
-        seen.by_u += down.value[row] * slope;
-        seen.by_v += down.slope[row] * value;
-        seen.by_uu += down.value[row] * bend;
-        seen.by_vv += down.bend[row] * value;
-        seen.by_tone += down.value[row] * tone;
+        seen.level += down->value[row] * value, seen.by_v += down->slope[row] * value, seen.by_vv += down->bend[row] * value;
+        seen.by_u += down->value[row] * slope, seen.by_uu += down->value[row] * bend;
+        seen.by_tone += down->value[row] * tone;
     }
     return seen;
 }
 
-static void leave_out(int64_t parameters, double residual, double *r, double *jacobian, int64_t stride) {
-    *r = residual;
-    for (int64_t k = 0; k < parameters; k++) jacobian[k * stride] = 0;
-}
-
-/* Write a pixel's residual, and the derivatives of its prediction; those by A and g leave out how they change the blur. */
+/* Write the residuals of eight pixels, and the derivatives of their predictions; those by A and g leave out how they change
+   the blur. */
 static void compare(const model *m, const double *theta, const view_columns *views, int64_t i, const sight *seen,
-                    float level, double *r, double *jacobian, int64_t stride) {
-    double x = views->x[i], y = views->y[i];
+                    float8 level, tile_rows rows) {
     bool is_lit = m->parameters == LIT;
-    double p = is_lit ? (x - m->anchor[0]) / m->anchor[2] : 0, q = is_lit ? (y - m->anchor[1]) / m->anchor[2] : 0;
-    double light = is_lit ? 1 + theta[11] * p + theta[12] * q : 1, shade = is_lit ? theta[13] * p + theta[14] * q : 0;
-    double gain = theta[8], value = theta[9] + gain * (light * seen->level + shade);
-    if (is_lit && value >= CLIPPED && level >= CLIPPED) {
-        leave_out(m->parameters, 0, r, jacobian, stride);
-        return;
+    float8 p = load8(views->p + i), q = load8(views->q + i), light = all8(1), shade = all8(0), gain = all8((float)theta[8]);
+    if (is_lit) {
+        light = all8(1) + all8((float)theta[11]) * p + all8((float)theta[12]) * q;
+        shade = all8((float)theta[13]) * p + all8((float)theta[14]) * q;
     }
-    *r = level - value;
+    float8 lit = light * seen->level + shade, value = all8((float)theta[9]) + gain * lit;
+    lanes8 is_before = load8(views->w + i) > all8((float)MIN_DEPTH), is_white = (value >= all8(CLIPPED)) & (level >= all8(CLIPPED));
+    if (is_lit) is_before &= ~is_white;
+    else is_white &= is_before & ~is_before;
+    store8(rows[m->parameters] + i, choose8(is_before, level - value, only8(~is_white, all8(255))));
     /* (px, py) is the prediction's gradient in the image; ∂prediction/∂θ = −(px, py)·∂x/∂θ at fixed u */
-    double ux = views->ux[i], uy = views->uy[i], vx = views->vx[i], vy = views->vy[i];
-    double px = gain * light * (seen->by_u * ux + seen->by_v * vx), py = gain * light * (seen->by_u * uy + seen->by_v * vy);
-    double along = px * (x - theta[0]) + py * (y - theta[1]), u = views->u[i] / views->w[i], v = views->v[i] / views->w[i];
+    float8 ux = load8(views->ux + i), uy = load8(views->uy + i), vx = load8(views->vx + i), vy = load8(views->vy + i);
+    float8 shown = gain * light, px = shown * (seen->by_u * ux + seen->by_v * vx), py = shown * (seen->by_u * uy + seen->by_v * vy);
+    float8 along = px * load8(views->x + i) + py * load8(views->y + i), per_w = all8(1) / load8(views->w + i);
+    float8 u = load8(views->u + i) * per_w, v = load8(views->v + i) * per_w, zero = all8(0);
     /* a pixel's blur along x, along y and between them, as each axis of the pattern has it */
-    double half = gain * light / 2, xx = seen->by_uu * ux * ux + seen->by_vv * vx * vx;
-    double yy = seen->by_uu * uy * uy + seen->by_vv * vy * vy, xy = seen->by_uu * ux * uy + seen->by_vv * vx * vy;
-    const double by[LIT] = {-px, -py, -px * u, -px * v, -py * u, -py * v, along * u, along * v,
-                            light * seen->level + shade, 1, half * (xx + yy),
-                            gain * p * seen->level, gain * q * seen->level, gain * p, gain * q,
-                            gain * light * seen->by_tone, half * (xx - yy), 2 * half * xy};
-    for (int64_t k = 0; k < m->parameters; k++) jacobian[k * stride] = by[k];
+    float8 half = all8(0.5f) * shown, xx = seen->by_uu * ux * ux + seen->by_vv * vx * vx;
+    float8 yy = seen->by_uu * uy * uy + seen->by_vv * vy * vy, xy = seen->by_uu * ux * uy + seen->by_vv * vx * vy;
+    const float8 by[LIT] = {zero - px, zero - py, zero - px * u, zero - px * v, zero - py * u, zero - py * v, along * u, along * v,
+                            lit, all8(1), half * (xx + yy), gain * p * seen->level, gain * q * seen->level, gain * p, gain * q,
+                            shown * seen->by_tone, half * (xx - yy), all8(2) * half * xy};
+    for (int64_t k = 0; k < m->parameters; k++) store8(rows[k] + i, only8(is_before, by[k]));
 }
 
-/* Fill in image − prediction (count ≤ TILE) and the prediction's derivatives (parameters, stride); beyond the pattern's
-   horizon 255 and 0, where image and prediction are both white 0 and 0. `prepare` comes before. */
-void compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, double *r,
-                  double *jacobian, int64_t stride) {
-    step_table table;
+/* Fill in the rows of a tile: derivatives of the prediction by each parameter, then image − prediction, of count ≤ TILE
+   pixels, and 0 up to whole lanes; beyond the pattern's horizon 0 and 255, where image and prediction are both white 0
+   and 0. `prepare` comes before. Returns the pixels with those up to whole lanes. */
+int64_t compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, tile_rows rows) {
     view_columns views;
-    axis_view across[TILE], down[TILE];
-    table.count = 0;
-    fill_views(m, theta, xy, count, &views);
-    for (int64_t i = 0; i < count; i++) {
-        if (views.w[i] <= MIN_DEPTH) continue;
-        across[i] = view_axis(m, views.u[i], &views.across, i, &table);
-        down[i] = view_axis(m, views.v[i], &views.down, i, &table);
+    share_table across, down;
+    float padded[TILE] = {0};
+    int64_t n = (count + 7) / 8 * 8;
+    memcpy(padded, levels, (size_t)count * sizeof *levels);
+    fill_views(m, theta, xy, count, n, &views);
+    for (int64_t i = 0; i < n; i += 8) {
+        fill_shares(m, load8(views.u + i), &views.across, i, &across);
+        fill_shares(m, load8(views.v + i), &views.down, i, &down);
+        sight seen = look(m, &across, &down);
+        compare(m, theta, &views, i, &seen, load8(padded + i), rows);
     }
-    fill_steps(&table);
-    for (int64_t i = 0; i < count; i++) {
-        if (views.w[i] <= MIN_DEPTH) {
-            leave_out(m->parameters, 255, r + i, jacobian + i, stride);
-            continue;
-        }
-        sight seen = look(m, across + i, down + i, &table);
-        compare(m, theta, &views, i, &seen, levels[i], r + i, jacobian + i, stride);
-    }
+    for (int64_t k = 0; count < n && k <= m->parameters; k++) memset(rows[k] + count, 0, (size_t)(n - count) * sizeof rows[k][0]);
+    return n;
 }
 
 /* Add a tile's products of rows to their lanes: of each of the listed rows with those listed before it, and itself. */
-static void add_products(const double rows[LIT + 1][TILE], const int64_t *listed, int64_t count,
-                         double4 lanes[LIT + 1][LIT + 1]) {
+static void add_products(tile_rows rows, int64_t n, const int64_t *listed, int64_t count, float8 lanes[LIT + 1][LIT + 1]) {
     for (int64_t a = 0; a < count; a++) {
-        const double *row = rows[listed[a]];
-        double4 *sums = lanes[a];
+        const float *row = rows[listed[a]];
+        float8 *sums = lanes[a];
         int64_t b = 0;
         for (; b + 4 <= a + 1; b += 4) { /* four at a time, for a row is read more slowly than multiplied */
-            const double *b0 = rows[listed[b]], *b1 = rows[listed[b + 1]], *b2 = rows[listed[b + 2]], *b3 = rows[listed[b + 3]];
-            double4 s0 = sums[b], s1 = sums[b + 1], s2 = sums[b + 2], s3 = sums[b + 3];
-            for (int64_t i = 0; i < TILE; i += 4) {
-                double4 value = load4(row + i);
-                s0 += value * load4(b0 + i), s1 += value * load4(b1 + i);
-                s2 += value * load4(b2 + i), s3 += value * load4(b3 + i);
+            const float *b0 = rows[listed[b]], *b1 = rows[listed[b + 1]], *b2 = rows[listed[b + 2]], *b3 = rows[listed[b + 3]];
+            float8 s0 = sums[b], s1 = sums[b + 1], s2 = sums[b + 2], s3 = sums[b + 3];
+            for (int64_t i = 0; i < n; i += 8) {
+                float8 value = load8(row + i);
+                s0 += value * load8(b0 + i), s1 += value * load8(b1 + i);
+                s2 += value * load8(b2 + i), s3 += value * load8(b3 + i);
             }
             sums[b] = s0, sums[b + 1] = s1, sums[b + 2] = s2, sums[b + 3] = s3;
         }
-        for (; b <= a; b++)
-            for (int64_t i = 0; i < TILE; i += 4) sums[b] += load4(row + i) * load4(rows[listed[b]] + i);
+        for (; b <= a; b++) {
+            float8 sum = sums[b];
+            for (int64_t i = 0; i < n; i += 8) sum += load8(row + i) * load8(rows[listed[b]] + i);
+            sums[b] = sum;
+        }
     }
 }
 
 /* Scale a tile's rows by the roots of Geman and McClure's weights of its residuals, and return the sum of the weights. */
-static double weigh(double rows[LIT + 1][TILE], int64_t n, int64_t count, double cut) {
+static double weigh(tile_rows rows, int64_t parameters, int64_t count, double cut) {
     double sum = 0;
+    float root[TILE];
     for (int64_t i = 0; i < count; i++) {
-        double z = rows[n][i] / cut, root = 1 / (1 + z * z);
-        for (int64_t k = 0; k <= n; k++) rows[k][i] *= root;
-        sum += root * root;
+        float z = rows[parameters][i] / (float)cut;
+        root[i] = 1 / (1 + z * z);
+        sum += root[i] * root[i];
     }
+    for (int64_t k = 0; k <= parameters; k++)
+        for (int64_t i = 0; i < count; i++) rows[k][i] *= root[i];
     return sum;
 }
 
 /* Compare all pixels, and add up the normal equations of the parameters that are used; those of others are 0. */
 void add_up(model *m, const double *theta, const pixels *chosen, const bool *used, equations *sums) {
     int64_t n = m->parameters, listed[LIT + 1], last = 0;
-    double rows[LIT + 1][TILE] = {{0}}, weight = 0;
-    double4 lanes[LIT + 1][LIT + 1];
+    tile_rows rows;
+    double weight = 0;
+    float8 lanes[LIT + 1][LIT + 1];
     for (int64_t k = 0; k < n; k++)
         if (used[k]) listed[last++] = k;
     listed[last] = n; /* the residuals */
@@ -346,34 +340,40 @@ void add_up(model *m, const double *theta, const pixels *chosen, const bool *use
     prepare(m, theta);
     for (int64_t first = 0; first < chosen->count; first += TILE) {
         int64_t count = least(TILE, chosen->count - first);
-        for (int64_t k = 0; count < TILE && k <= n; k++) memset(rows[k], 0, sizeof rows[k]);
-        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, count, rows[n], rows[0], TILE);
+        int64_t room = compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, count, rows);
         weight += m->cut > 0 ? weigh(rows, n, count, m->cut) : (double)count;
-        add_products((const double(*)[TILE])rows, listed, last + 1, lanes);
+        add_products(rows, room, listed, last + 1, lanes);
     }
     memset(sums, 0, sizeof *sums);
     sums->weight = weight;
     for (int64_t a = 0; a < last; a++) {
         for (int64_t b = 0; b <= a; b++) {
-            double sum = sum4(lanes[a][b]);
+            double sum = sum8(lanes[a][b]);
             sums->hessian[listed[a] * n + listed[b]] = sums->hessian[listed[b] * n + listed[a]] = sum;
         }
-        sums->slope[listed[a]] = sum4(lanes[last][a]);
+        sums->slope[listed[a]] = sum8(lanes[last][a]);
     }
-    sums->squares = sum4(lanes[last][last]);
+    sums->squares = sum8(lanes[last][last]);
 }
 
-static void compare_all(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t n,
-                        double *r, double *jacobian) {
-    for (int64_t first = 0; first < n; first += TILE)
-        compare_tile(m, theta, xy + 2 * first, levels + first, least(TILE, n - first), r + first, jacobian + first, n);
+/* Fill in residuals (n,), and unless NULL the derivatives (parameters, n), of all pixels. */
+void compare_all(model *m, const double *theta, const pixels *chosen, double *r, double *jacobian) {
+    tile_rows rows;
+    prepare(m, theta);
+    for (int64_t first = 0; first < chosen->count; first += TILE) {
+        int64_t count = least(TILE, chosen->count - first);
+        compare_tile(m, theta, chosen->xy + 2 * first, chosen->levels + first, count, rows);
+        for (int64_t i = 0; i < count; i++) r[first + i] = rows[m->parameters][i];
+        for (int64_t k = 0; jacobian && k < m->parameters; k++)
+            for (int64_t i = 0; i < count; i++) jacobian[k * chosen->count + first + i] = rows[k][i];
+    }
 }
 
 EXPORT status residuals(const float *seen, int64_t n, const int32_t *xy, const double *theta, const double *lines,
                         int64_t line_count, const double *levels, int64_t intervals, double *r, double *jacobian) {
     if (line_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels};
-    compare_all(&m, theta, xy, seen, n, r, jacobian);
+    compare_all(&m, theta, &(pixels){xy, seen, n}, r, jacobian);
     return DONE;
 }
 
@@ -383,7 +383,6 @@ EXPORT status lit_residuals(const float *seen, int64_t n, const int32_t *xy, con
     if (line_count > MOST_LINES || base_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .anchor = {anchor[0], anchor[1], anchor[2]}};
-    prepare(&m, theta);
-    compare_all(&m, theta, xy, seen, n, r, jacobian);
+    compare_all(&m, theta, &(pixels){xy, seen, n}, r, jacobian);
     return DONE;
 }

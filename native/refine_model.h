@@ -10,7 +10,7 @@ enum {
     PLAIN = 11,      /* parameters of a pattern in even light */
     LIT = 18,        /* and those of one in any light */
     MOST_LINES = 16, /* of a pattern */
-    TILE = 32,       /* pixels that are compared at a time */
+    TILE = 64,       /* pixels that are compared at a time */
 };
 
 /* A pattern and how it is seen; `prepare` fills the levels in for given parameters. */
@@ -24,9 +24,10 @@ typedef struct {
     int64_t base_count;
     double anchor[3];     /* x, y and side, px, of the planes of light; LIT only */
     double cut;           /* residuals of this many grey levels count a quarter; 0 where all count alike */
-    const double *levels; /* (n + 1, n + 1) */
-    double fitted[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* the levels under the tone exponent; LIT only */
-    double tones[(MOST_LINES + 1) * (MOST_LINES + 1)];  /* and their derivatives by its logarithm; LIT only */
+    const double *levels; /* (n + 1, n + 1); PLAIN only */
+    float own_lines[MOST_LINES];                       /* the lines in single precision */
+    float shown[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* the levels, under the tone exponent */
+    float tones[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* and their derivatives by its logarithm; LIT only */
 } model;
 
 /* An image of grey levels. */
@@ -65,9 +66,13 @@ typedef struct {
     double hessian[LIT * LIT];
 } equations;
 
+/* Derivatives by each parameter, and behind them the residuals, of the pixels of a tile; single precision is 1e-5 grey
+   levels here. */
+typedef float tile_rows[LIT + 1][TILE];
+
 void prepare(model *m, const double *theta);
-void compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, double *r,
-                  double *jacobian, int64_t stride);
+int64_t compare_tile(const model *m, const double *theta, const int32_t *xy, const float *levels, int64_t count, tile_rows rows);
+void compare_all(model *m, const double *theta, const pixels *chosen, double *r, double *jacobian);
 void add_up(model *m, const double *theta, const pixels *chosen, const bool *used, equations *sums);
 int64_t choose_pixels(const model *m, const double *theta, int64_t height, int64_t width, int64_t wanted, int32_t *xy,
                       bool *near);

