@@ -1,6 +1,7 @@
 """`peakmark identify`: markers and arrays in images, folders, films, or a camera's images."""
 
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,8 +14,8 @@ from rich.table import Table
 from typer import Argument, Exit, Option
 
 from peakmark.cli.command import examples, print_error, resumable
-from peakmark.cli.identify_files import Identified, Sought, identify_images
-from peakmark.cli.locating import Locator, StampedPose, check_ending, write_poses
+from peakmark.cli.identify_files import Identified, Sought, identify_images, key_of
+from peakmark.cli.locating import Locator, StampedPose, are_in_order, check_ending, write_poses
 from peakmark.cli.options import Quiet, UnusedSeed
 from peakmark.cli.sources import FailedFile, SourceImage, expanded, is_film, read_camera, read_sources
 from peakmark.cli.terminal import new_console, print_path, progress_bar
@@ -24,6 +25,7 @@ from peakmark.found.rows import FoundRow
 from peakmark.found.tables import write_rows, writer_of
 from peakmark.maps.files import load_map
 from peakmark.markers.patterns import Polarity
+from peakmark.plain import from_plain
 
 _MOST_SHOWN = 40
 """Rows of the table on the terminal; the file has all."""
@@ -95,7 +97,7 @@ def identify(
     settings = {"sources": named, "polarity": polarity, "raw_orientation": raw_orientation}
     settings |= {"calibration": calibration, "map": map, "scale_bar_mm": scale_bar_mm, "scaled": scale_calibration}
     target = out if out is not None else poses
-    journal = None if target is None or camera is not None else _journal(target, settings)
+    journal = None if target is None else _journal(target, settings, is_resumed=camera is None)
     total = None if camera is not None or any(Path(one).is_dir() or is_film(Path(one)) for one in named) else len(named)
     summary = _Summary(console, len(named) == 1 and total is not None, locator)
     how = "the same command resumes" if journal is not None else "nothing was written; with --out it would resume"
@@ -103,12 +105,14 @@ def identify(
     skip = None if len(named) == 1 and total is not None else fail
     with ended, progress_bar(console, "identify", total) as bar:
         for each, identified in identify_images(images, cast(Sought, polarity), journal, overlay, locator, skip):
-            summary.add(each, identified, keep_rows=out is not None)
+            summary.add(each, identified)
             bar.advance()
     summary.print(len(failures))
-    _write(console, summary, out, poses, overlay)
     if journal is not None:
+        _write(console, summary, journal, out, poses)
         _forget(journal)
+    if overlay is not None:
+        print_path(console, overlay, "Drawings")
     if failures:
         raise Exit(1)
 
@@ -133,15 +137,20 @@ def _locator(
     )
 
 
-def _write(console: Console, summary: "_Summary", out: Path | None, poses: Path | None, overlay: Path | None) -> None:
+def _write(console: Console, summary: "_Summary", journal: Journal, out: Path | None, poses: Path | None) -> None:
+    """Write the files from what the journal holds, one image after the other: memory does not grow with a film."""
     if out is not None:
-        write_rows(out, summary.rows)
+        write_rows(out, (row for _, identified in summary.finished(journal) for row in identified.rows))
         print_path(console, out, "Rows")
     if poses is not None:
-        for path in write_poses(poses, summary.poses):
+        is_timed = are_in_order([image.stamp for image in summary.done])
+        stamped = (
+            StampedPose(image.file, image.frame, image.stamp if is_timed else float(number), identified.pose)
+            for number, (image, identified) in enumerate(summary.finished(journal))
+            if identified.pose is not None
+        )
+        for path in write_poses(poses, stamped):
             print_path(console, path, "Poses")
-    if overlay is not None:
-        print_path(console, overlay, "Drawings")
 
 
 def _sources(sources: list[str] | None, camera: int | None, frames: int | None) -> list[str]:
@@ -156,9 +165,9 @@ def _sources(sources: list[str] | None, camera: int | None, frames: int | None) 
     return []
 
 
-def _journal(target: Path, settings: dict[str, Any]) -> Journal:
+def _journal(target: Path, settings: dict[str, Any], is_resumed: bool) -> Journal:
     """Open what an interrupted run left beside the file that it was to write."""
-    return Journal.open(target.with_name(f"{target.name}.unfinished"), settings)
+    return Journal.open(target.with_name(f"{target.name}.unfinished"), settings, is_resumed)
 
 
 def _forget(journal: Journal) -> None:
@@ -167,41 +176,54 @@ def _forget(journal: Journal) -> None:
         journal.path.parent.rmdir()
 
 
+@dataclass(frozen=True)
+class _Done:
+    """An image that is done."""
+
+    key: str
+    """Its name in the journal."""
+    file: str
+    frame: int | None
+    """See `SourceImage`."""
+    stamp: float
+    """See `StampedPose`."""
+
+
 @dataclass
 class _Summary:
-    """What the terminal shows, and the rows for the files."""
+    """What the terminal shows, and which images are done."""
 
     console: Console
     is_alone: bool
     """Whether one image is all, so that its table is worth showing."""
     locator: Locator | None
     """What poses are computed from."""
-    rows: list[FoundRow] = field(default_factory=list)
-    poses: list[StampedPose] = field(default_factory=list)
-    images: int = 0
+    done: list[_Done] = field(default_factory=list)
+    poses: int = 0
     markers: int = 0
     codes: Counter[int | None] = field(default_factory=Counter)
     empty: int = 0
     """Images without anything."""
 
-    def add(self, each: SourceImage, identified: Identified, keep_rows: bool) -> None:
+    def add(self, each: SourceImage, identified: Identified) -> None:
         """Count an image, and print its line."""
         self._say_what_is_assumed(each)
-        if identified.pose is not None:
-            stamp = float(self.images) if each.time_s is None else each.time_s
-            self.poses.append(StampedPose(each.file, each.frame, self.images, stamp, identified.pose))
-        self.images += 1
+        stamp = float(len(self.done)) if each.time_s is None else each.time_s
+        self.done.append(_Done(key_of(each), each.file, each.frame, stamp))
+        self.poses += identified.pose is not None
         self.markers += identified.markers
         self.codes.update(identified.codes)
         self.empty += not identified.rows
-        if keep_rows:
-            self.rows += identified.rows
         if each.frame is None:
             self._print(f"{one_line(each.file)}: {_words(identified)}")
             for line in _pose_words(identified):
                 self._print(f"  {line}")
         if self.is_alone and identified.rows:
             self.console.print(_table(identified.rows))
+
+    def finished(self, journal: Journal) -> Iterator[tuple[_Done, Identified]]:
+        """Yield every image that is done with what the journal holds of it."""
+        return ((image, from_plain(Identified, journal.records[image.key])) for image in self.done)
 
     def print(self, failed: int) -> None:
         """Print the line of all images."""
@@ -211,13 +233,13 @@ class _Summary:
         arrays = f"{self.codes.total()} arrays" if self.codes else "no arrays"
         named = f" (codes {', '.join(f'{code} ×{count}' for code, count in codes.items())})" if codes else ""
         has_map = self.locator is not None and self.locator.marker_map is not None
-        located = f", {len(self.poses)} poses" if has_map else ""
+        located = f", {self.poses} poses" if has_map else ""
         empty = f"; nothing in {self.empty}" if self.empty else ""
         left_out = f"; {failed} left out" if failed else ""
-        self._print(f"{self.images} images: {self.markers} markers, {arrays}{named}{located}{empty}{left_out}")
+        self._print(f"{len(self.done)} images: {self.markers} markers, {arrays}{named}{located}{empty}{left_out}")
 
     def _say_what_is_assumed(self, each: SourceImage) -> None:
-        if self.images == 0 and self.locator is not None and (note := self.locator.assumption(each)):
+        if not self.done and self.locator is not None and (note := self.locator.assumption(each)):
             self._print(f"note: {note}")
 
     def _print(self, line: str) -> None:

@@ -80,7 +80,7 @@ def identify_images(
     """
     with Drawings.into(overlays) as drawings:
         for each in images:
-            key = _key(each)
+            key = key_of(each)
             if journal is not None and key in journal.records:
                 identified = from_plain(Identified, journal.records[key])
             else:
@@ -115,7 +115,7 @@ def _identified(each: SourceImage, polarity: Sought, locator: Locator | None) ->
     return Identified(rows, reason, record_of(where))
 
 
-def _key(each: SourceImage) -> str:
+def key_of(each: SourceImage) -> str:
     """Return the name of an image in the journal; a file that has changed since has another one."""
     path = Path(each.file)
     changed = path.stat().st_mtime_ns if path.exists() else 0

@@ -1,13 +1,13 @@
 """Poses for `peakmark identify`: the camera of each image, where it is on the map, and the files of poses."""
 
 import csv
-import io
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,9 @@ from peaksim.camera.camera import Camera, resized
 from peaksim.camera.guess import PHONE_35MM, guessed_camera
 from peaksim.exif_file import focal_35mm_of
 from peaksim.geometry.trajectory import Trajectory, quaternions_xyzw
-from peaksim.geometry.trajectory_file import to_text
+from peaksim.geometry.trajectory_file import save_trajectory
 from peaksim.image_file import read_image
-from peaksim.whole_file import write_whole
+from peaksim.whole_file import whole_file
 
 from peakmark.cli.sources import SourceImage
 from peakmark.errors import ImageError, InputError
@@ -135,15 +135,13 @@ class StampedPose:
     file: str
     frame: int | None
     """See `SourceImage`."""
-    number: int
-    """Of the image in this run, from 0."""
     stamp: float
-    """Seconds in a film or of a camera; of an image its number."""
+    """Seconds in a film or of a camera; of an image its number in the run, from 0."""
     record: PoseRecord
 
 
-def write_poses(path: Path, poses: Sequence[StampedPose]) -> list[Path]:
-    """Write poses and return the files: PATH, and PATH.csv beside a TUM file, each whole or not at all.
+def write_poses(path: Path, poses: Iterable[StampedPose]) -> list[Path]:
+    """Write poses as they come and return the files: PATH, and PATH.csv beside a TUM file, each whole or not at all.
 
     Raises
     ------
@@ -151,39 +149,42 @@ def write_poses(path: Path, poses: Sequence[StampedPose]) -> list[Path]:
         If the name has another ending, or cannot be written.
     """
     check_ending(path)
-    poses = in_order(poses)
-    rows = [_flat(pose) for pose in poses]
-    contents = {path: _csv(rows)} if path.suffix == ".csv" else {path: _json_lines(rows)}
-    if path.suffix in (".tum", ".txt"):
-        contents = {path: _tum(poses), path.with_suffix(".csv"): _csv(rows)}
+    is_tum = path.suffix in (".tum", ".txt")
+    files = [path, path.with_suffix(".csv")] if is_tum else [path]
+    stamps: list[float] = []
+    placed: list[NDArray[np.float64]] = []
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        for target, text in contents.items():
-            write_whole(target, text.encode("utf-8", "backslashreplace"))
+        with ExitStack() as stack:
+            unfinished = [stack.enter_context(whole_file(file)) for file in files]
+            table = stack.enter_context(
+                unfinished[-1].open("w", newline="", encoding="utf-8", errors="backslashreplace")
+            )
+            write = _add_json_line if path.suffix == ".jsonl" else _add_row
+            for pose in poses:
+                write(table, pose, not stamps)
+                stamps.append(pose.stamp)
+                placed += [pose.record.world_from_camera] if is_tum else []
+            if not stamps and path.suffix != ".jsonl":
+                table.write("file,frame,stamp\n")
+            if placed:
+                save_trajectory(Trajectory(np.array(stamps), np.array(placed)), unfinished[0])
+            elif is_tum:
+                unfinished[0].write_text("# no pose\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"--poses {path}: expected a file that can be written: {error.strerror or error}") from error
-    return list(contents)
+    return files
 
 
-def in_order(poses: Sequence[StampedPose]) -> list[StampedPose]:
-    """Return poses with stamps that grow: those they have, or, of several films or films and images, numbers."""
-    stamps = [pose.stamp for pose in poses]
-    if all(a < b for a, b in pairwise(stamps)):
-        return list(poses)
-    return [replace(pose, stamp=float(pose.number)) for pose in poses]
+def are_in_order(stamps: Sequence[float]) -> bool:
+    """Return whether stamps grow; those of several films, or of films and images, may not."""
+    return all(a < b for a, b in pairwise(stamps))
 
 
 def check_ending(path: Path) -> None:
     """Refuse a file of poses by its ending."""
     if path.suffix not in ENDINGS:
         raise InputError(f"--poses {path}: expected a name ending in {', '.join(ENDINGS)}")
-
-
-def _tum(poses: Sequence[StampedPose]) -> str:
-    if not poses:
-        return "# no pose\n"
-    stamps, placed = [pose.stamp for pose in poses], [pose.record.world_from_camera for pose in poses]
-    return to_text(Trajectory(np.array(stamps), np.array(placed)))
 
 
 def _flat(pose: StampedPose) -> dict[str, Any]:
@@ -215,13 +216,13 @@ def _columns(prefix: str, pose: NDArray[np.float64] | None) -> dict[str, float |
     return dict(zip(names, map(float, (*pose[:3, 3], *quaternion)), strict=True))
 
 
-def _csv(rows: Sequence[dict[str, Any]]) -> str:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]) if rows else ["file", "frame", "stamp"])
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+def _add_row(file: IO[str], pose: StampedPose, is_first: bool) -> None:
+    row = _flat(pose)
+    writer = csv.DictWriter(file, list(row))
+    if is_first:
+        writer.writeheader()
+    writer.writerow(row)
 
 
-def _json_lines(rows: Sequence[dict[str, Any]]) -> str:
-    return "".join(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows)
+def _add_json_line(file: IO[str], pose: StampedPose, is_first: bool) -> None:
+    file.write(json.dumps(_flat(pose), ensure_ascii=False, allow_nan=False) + "\n")

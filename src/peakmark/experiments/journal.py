@@ -7,8 +7,8 @@ they come; what belongs to an item but is no plain value (the image of a frame, 
 import json
 import os
 import shutil
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,14 +16,46 @@ from peakmark.errors import InputError
 from peakmark.plain import to_plain
 
 
+class Records(Mapping[str, Any]):
+    """Name of a finished item → its record, plain values; they stay on disk, so that memory does not grow with them."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._starts: dict[str, int] = {}
+
+    def note(self, line: bytes, start: int) -> None:
+        """Take in a line of the journal and where it starts; half a line, left by a run that was killed, is none."""
+        entry = _entry(line)
+        if entry is not None:
+            self._starts[entry["item"]] = start
+
+    def forget(self) -> None:
+        """Hold nothing any more."""
+        self._starts.clear()
+
+    def __getitem__(self, name: str) -> Any:
+        with self._path.open("rb") as file:
+            file.seek(self._starts[name])
+            return json.loads(file.readline())["record"]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._starts
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._starts)
+
+    def __len__(self) -> int:
+        return len(self._starts)
+
+
 @dataclass(frozen=True)
 class Journal:
-    """The finished items of a run, in memory and on disk."""
+    """The finished items of a run, on disk."""
 
     path: Path
     """journal.jsonl."""
-    records: dict[str, Any] = field(default_factory=dict)
-    """Name of a finished item → its record, plain values."""
+    records: Records
+    """Those items."""
 
     @classmethod
     def open(cls, out: str | Path, configuration: Mapping[str, Any], is_resumed: bool = True) -> Self:
@@ -36,7 +68,8 @@ class Journal:
         InputError
             If `out` cannot be written, or holds the journal of another configuration.
         """
-        journal = cls(Path(out) / "journal.jsonl")
+        path = Path(out) / "journal.jsonl"
+        journal = cls(path, Records(path))
         expected = json.loads(json.dumps(configuration))
         try:
             if not is_resumed:
@@ -44,20 +77,22 @@ class Journal:
             journal.path.parent.mkdir(parents=True, exist_ok=True)
             if not journal.path.exists():
                 journal._append(expected)
-            first, *lines = journal.path.read_text(encoding="utf-8").splitlines() or [""]
+            with journal.path.open("rb") as file:
+                journal._check(file.readline(), expected)
+                start = file.tell()
+                for line in file:
+                    journal.records.note(line, start)
+                    start += len(line)
         except OSError as error:
             raise InputError(
                 f"--out {out}: expected a folder that can be written: {error.strerror or error}"
             ) from error
-        journal._check(first, expected)
-        for line in lines:
-            journal.records.update(_entry(line))
         return journal
 
-    def _check(self, first: str, expected: dict[str, Any]) -> None:
+    def _check(self, first: bytes, expected: dict[str, Any]) -> None:
         try:
             found = json.loads(first)
-        except json.JSONDecodeError as error:
+        except ValueError as error:
             raise InputError(f"{self.path}: is damaged, its first line is no configuration: {error}") from error
         for name, value in expected.items():
             was = found.get(name) if isinstance(found, dict) else None
@@ -69,13 +104,17 @@ class Journal:
 
     def add(self, name: str, record: Any) -> None:
         """Keep one finished item."""
-        self._append({"item": name, "record": record})
-        self.records[name] = record
+        self.records.note(*self._append({"item": name, "record": record}))
 
-    def _append(self, value: Any) -> None:
+    def _append(self, value: Any) -> tuple[bytes, int]:
+        """Return the line that was added, and where it starts."""
+        line = json.dumps(value).encode() + b"\n"
         with self.path.open("ab") as file:
-            torn = b"\n" if file.tell() and not _ends_a_line(self.path) else b""
-            file.write(torn + json.dumps(value).encode() + b"\n")
+            if file.tell() and not _ends_a_line(self.path):
+                file.write(b"\n")
+            start = file.tell()
+            file.write(line)
+        return line, start
 
     def file(self, name: str) -> Path:
         """Return where a file that belongs to an item lies; its folder is there."""
@@ -87,7 +126,7 @@ class Journal:
         """Delete what was kept: the results hold it now, or it is not wanted."""
         self.path.unlink(missing_ok=True)
         self.remove_files()
-        self.records.clear()
+        self.records.forget()
 
     def remove_files(self) -> None:
         """Delete the files that belong to items; their records stay."""
@@ -112,13 +151,14 @@ def journal_key(values: Any) -> dict[str, Any]:
     return plain
 
 
-def _entry(line: str) -> dict[str, Any]:
-    """Return the item of a line; none where a run that was killed while writing left half of one."""
+def _entry(line: bytes) -> dict[str, Any] | None:
+    """Return the item and its record of a line; None where a run that was killed while writing left half of one."""
     try:
         entry = json.loads(line)
-    except json.JSONDecodeError:
-        return {}
-    return {entry["item"]: entry["record"]} if isinstance(entry, dict) and {"item", "record"} <= entry.keys() else {}
+    except ValueError:
+        return None
+    is_item = isinstance(entry, dict) and isinstance(entry.get("item"), str) and "record" in entry
+    return entry if is_item else None
 
 
 def _ends_a_line(path: Path) -> bool:

@@ -1,15 +1,15 @@
 """Rows as files and data frames: CSV, JSON lines and Parquet, chosen by the file's ending."""
 
 import csv
-import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, fields
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from peaksim.extras import needs_extra
-from peaksim.whole_file import write_whole
+from peaksim.whole_file import whole_file
 
 from peakmark.errors import InputError
 from peakmark.found.rows import FoundRow
@@ -19,8 +19,12 @@ CORNER_COLUMNS = tuple(f"{axis}{corner}" for corner in range(4) for axis in "xy"
 """What stands in CSV and data frames for `corners`: x0, y0, … y3."""
 
 
-def write_rows(path: Path, rows: Sequence[FoundRow]) -> None:
-    """Write rows, the file whole or not at all; none gives a file with a head alone.
+_BATCH = 256
+"""Rows of a row group of a Parquet file, all that is in memory at once."""
+
+
+def write_rows(path: Path, rows: Iterable[FoundRow]) -> None:
+    """Write rows as they come, the file whole or not at all; none gives a file with a head alone.
 
     Raises
     ------
@@ -30,13 +34,14 @@ def write_rows(path: Path, rows: Sequence[FoundRow]) -> None:
     write = writer_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, write(rows))
+        with whole_file(path) as unfinished:
+            write(unfinished, rows)
     except OSError as error:
         raise InputError(f"--out {path}: expected a file that can be written: {error.strerror or error}") from error
 
 
-def writer_of(path: Path) -> Callable[[Sequence[FoundRow]], bytes]:
-    """Return what makes a file's content of rows; another ending than those three is an `InputError`."""
+def writer_of(path: Path) -> Callable[[Path, Iterable[FoundRow]], None]:
+    """Return what writes rows to a file by this file's ending; another ending than those three is an `InputError`."""
     write = {".csv": _csv, ".jsonl": _json_lines, ".parquet": _parquet}.get(path.suffix)
     if write is None:
         raise InputError(f"--out {path}: expected a name ending in .csv, .jsonl or .parquet")
@@ -61,21 +66,20 @@ def _flat(row: FoundRow) -> dict[str, Any]:
     return values | corners
 
 
-def _csv(rows: Sequence[FoundRow]) -> bytes:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, _FLAT_COLUMNS)
-    writer.writeheader()
-    writer.writerows(_flat(row) for row in rows)
-    return text.getvalue().encode("utf-8", "backslashreplace")
+def _csv(path: Path, rows: Iterable[FoundRow]) -> None:
+    with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
+        writer = csv.DictWriter(file, _FLAT_COLUMNS)
+        writer.writeheader()
+        writer.writerows(_flat(row) for row in rows)
 
 
-def _json_lines(rows: Sequence[FoundRow]) -> bytes:
-    lines = [json.dumps(asdict(row), ensure_ascii=False, allow_nan=False) + "\n" for row in rows]
-    return "".join(lines).encode("utf-8", "backslashreplace")
+def _json_lines(path: Path, rows: Iterable[FoundRow]) -> None:
+    with path.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
+        file.writelines(json.dumps(asdict(row), ensure_ascii=False, allow_nan=False) + "\n" for row in rows)
 
 
 @needs_extra
-def _parquet(rows: Sequence[FoundRow]) -> bytes:
+def _parquet(path: Path, rows: Iterable[FoundRow]) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -83,6 +87,7 @@ def _parquet(rows: Sequence[FoundRow]) -> bytes:
     kinds = {"frame": pa.int64(), "code": pa.int64(), "corners": pa.list_(pa.list_(number, 2), 4)}
     kinds |= dict.fromkeys(("file", "kind", "polarity", "doubt"), pa.string())
     schema = pa.schema([(name, kinds.get(name, number)) for name in COLUMNS])
-    sink = pa.BufferOutputStream()
-    parquet.write_table(pa.Table.from_pylist([asdict(row) for row in rows], schema), sink)
-    return bytes(sink.getvalue())
+    left = iter(rows)
+    with parquet.ParquetWriter(path, schema) as writer:
+        while batch := list(islice(left, _BATCH)):
+            writer.write_table(pa.Table.from_pylist([asdict(row) for row in batch], schema))

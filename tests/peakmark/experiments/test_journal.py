@@ -2,6 +2,7 @@
 
 import json
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,18 @@ def test_what_was_added_is_there_again(tmp_path: Path) -> None:
     again = Journal.open(tmp_path / "out", SETTINGS)
     assert again.records == {"room/1 — a": [{"x": 1.25, "y": None}], "2": {"text": "two\nlines"}}
     assert again.records == journal.records
+
+
+def test_records_stay_on_disk(tmp_path: Path) -> None:
+    journal = Journal.open(tmp_path, SETTINGS)
+    tracemalloc.start()
+    for number in range(1000):
+        journal.add(f"{number}", {"text": f"{number}" * 2000})
+    again = Journal.open(tmp_path, SETTINGS)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 1e6 < journal.path.stat().st_size
+    assert again.records["700"] == journal.records["700"] == {"text": "700" * 2000}
 
 
 def test_a_run_that_is_not_to_be_resumed_begins_anew(tmp_path: Path) -> None:

@@ -2,8 +2,10 @@
 
 import csv
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -84,6 +86,23 @@ def test_every_format_holds_every_row(tmp_path: Path, ending: str) -> None:
     assert restored(tmp_path / "deep" / f"found{ending}") == list(rows)
     write_rows(tmp_path / f"none{ending}", [])
     assert restored(tmp_path / f"none{ending}") == []
+
+
+@pytest.mark.parametrize("ending", [".csv", ".jsonl", ".parquet"])
+def test_rows_are_written_as_they_come(tmp_path: Path, ending: str) -> None:
+    first, alive, most = found_array().rows("film.mp4", 7)[0], WeakSet[FoundRow](), 0
+
+    def rows() -> Iterator[FoundRow]:
+        nonlocal most
+        for frame in range(1000):
+            row = replace(first, frame=frame)
+            alive.add(row)
+            most = max(most, len(alive))
+            yield row
+
+    write_rows(tmp_path / f"found{ending}", rows())
+    assert 0 < most < 600
+    assert len(restored(tmp_path / f"found{ending}")) == 1000
 
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
