@@ -212,3 +212,35 @@ EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t wid
     give_back(&taken);
     return state;
 }
+
+/* ---- the image's noise ---- */
+
+enum { BLOCK = 16, LEVELS = 2048 };
+
+/* The median of a block's second differences (1 −2 1) ⊗ (1 −2 1), of both that lie in the middle the mean; the histogram is
+   empty before and after. */
+static double median_difference(const uint8_t *gray, int64_t width, uint16_t *histogram) {
+    int32_t values[BLOCK * BLOCK], middle[2] = {0, 0}, below = 0, level = 0;
+    for (int64_t y = 0; y < BLOCK; y++)
+        for (int64_t x = 0; x < BLOCK; x++) {
+            const uint8_t *a = gray + y * width + x, *b = a + width, *c = b + width;
+            int32_t value = (a[0] - 2 * a[1] + a[2]) - 2 * (b[0] - 2 * b[1] + b[2]) + (c[0] - 2 * c[1] + c[2]);
+            values[y * BLOCK + x] = value < 0 ? -value : value;
+        }
+    for (int64_t i = 0; i < BLOCK * BLOCK; i++) histogram[values[i]]++;
+    for (int k = 0; k < 2; k++) { /* the values of ranks 127 and 128 */
+        while (below + histogram[level] <= BLOCK * BLOCK / 2 - 1 + k) below += histogram[level++];
+        middle[k] = level;
+    }
+    for (int64_t i = 0; i < BLOCK * BLOCK; i++) histogram[values[i]] = 0;
+    return (middle[0] + middle[1]) / 2.0;
+}
+
+/* Median absolute second differences of an image's whole blocks of 16 × 16, from its second row and column on. */
+EXPORT void block_medians(const uint8_t *gray, int64_t height, int64_t width, double *medians, int64_t down, int64_t across) {
+    uint16_t histogram[LEVELS] = {0};
+    (void)height;
+    for (int64_t y = 0; y < down; y++)
+        for (int64_t x = 0; x < across; x++)
+            medians[y * across + x] = median_difference(gray + BLOCK * (y * width + x), width, histogram);
+}

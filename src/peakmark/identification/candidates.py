@@ -7,11 +7,11 @@ ties of a clean marker that lies exactly between samples.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from itertools import islice
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.native import function
 
 from peakmark import surf
 from peakmark.identification.detection import SIDE_OF_SCALE
@@ -37,6 +37,10 @@ _NEAR, _LIKE = 0.12, 1.2
 
 _COPIED_PIXELS = 1_500_000
 """Larger images are searched in copies of about this size, too; their own pixels only unsqueezed."""
+
+_distinct_rows = function(
+    "status distinct_rows(const f8[n,6] found, f8 near, f8 like, f8 width, f8 height, i8[n] kept, i8[1] count)"
+)
 
 
 @dataclass(frozen=True)
@@ -74,11 +78,9 @@ def candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
     found = map_parallel(lambda copy: _search(gray, np.asarray(padded), pad, *copy), copies)
     rows = np.concatenate(found)
     rows = rows[np.argsort(-rows[:, 5], kind="stable")]
-    distinct = _distinct(rows)
-    count = PAGE
-    while count == PAGE:
-        page = rows[list(islice(distinct, PAGE))]
-        count = len(page)
+    distinct = rows[_distinct(rows, gray.shape)]
+    for first in range(0, len(distinct) + 1, PAGE):
+        page = distinct[first : first + PAGE]
         sides, signs = SIDE_OF_SCALE * page[:, 2], page[:, 4].astype(np.int8)
         yield MarkerCandidates(page[:, :2], sides, signs, page[:, 3], page[:, 5])
 
@@ -102,14 +104,15 @@ def _search(
     height, width = gray.shape
     copy, shift = _warped(padded, matrix)
     points = surf.detect(copy, threshold=THRESHOLD, octaves=octaves, layers=layers, upright=True)
-    scale = points.scale.astype(np.float64)
-    variance = np.maximum(box_variance(copy, points.xy, np.column_stack([scale, scale])), 1e-3)
-    quotients = points.response / (best_response() * variance)
     xy = (points.xy.astype(np.float64) - shift) @ np.linalg.inv(matrix).T - pad
-    scale = scale / np.sqrt(np.abs(np.linalg.det(matrix)))
+    scale = points.scale / np.sqrt(np.abs(np.linalg.det(matrix)))
     inside = ((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)
-    kept = inside & (quotients > LEAST_QUOTIENT) & (SIDE_OF_SCALE * scale > SMALLEST_PX)
-    return np.asarray(np.column_stack([xy, scale, points.response, points.laplacian, quotients])[kept])
+    rows = np.flatnonzero(inside & (SIDE_OF_SCALE * scale > SMALLEST_PX))
+    own_scale = points.scale[rows].astype(np.float64)
+    variance = np.maximum(box_variance(copy, points.xy[rows], np.column_stack([own_scale, own_scale])), 1e-3)
+    quotients = points.response[rows] / (best_response() * variance)
+    found = (xy[rows], scale[rows], points.response[rows], points.laplacian[rows], quotients)
+    return np.asarray(np.column_stack(found)[quotients > LEAST_QUOTIENT])
 
 
 def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
@@ -128,15 +131,8 @@ def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDAr
     return np.asarray(copy), shift
 
 
-def _distinct(rows: NDArray[np.float64]) -> Iterator[int]:
-    """Yield rows, best first, without those that are another one found again."""
-    taken, count = np.empty((len(rows), 4)), 0
-    for i, row in enumerate(rows):
-        before = taken[:count]
-        near = np.hypot(before[:, 0] - row[0], before[:, 1] - row[1]) < _NEAR * np.minimum(before[:, 2], row[2])
-        like = np.abs(np.log(before[:, 2] / row[2])) < np.log(_LIKE)
-        if (near & like & (before[:, 3] == row[4])).any():
-            continue
-        taken[count] = row[0], row[1], row[2], row[4]
-        count += 1
-        yield i
+def _distinct(rows: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return which rows, best first, are no other one found again."""
+    kept, count = np.empty(len(rows), np.int64), np.empty(1, np.int64)
+    _distinct_rows(rows, _NEAR, _LIKE, float(shape[1]), float(shape[0]), kept, count)
+    return kept[: count[0]]

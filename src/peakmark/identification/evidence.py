@@ -2,9 +2,9 @@
 
 from functools import cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.native import function
 
 from peakmark.identification.signature import signature_distances
 from peakmark.identification.stretch import Stretch
@@ -12,6 +12,8 @@ from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import quadratic_optimum
 from peakmark.markers.patterns import surf_filters, surf_form
 from peakmark.refine.api import Refined
+
+_box_variances = function("void box_variances(const u1[height,width] gray, const i8[n,4] boxes, f8[n] variances)")
 
 
 def aligned_evidence(
@@ -53,18 +55,12 @@ def box_variance(
     gray: NDArray[np.uint8], centers: NDArray[np.float32], sizes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return (n,) variances of the grey levels in boxes of (n, 2) widths and heights, cut at the border."""
-    sums, squares = cv2.integral2(gray, sdepth=cv2.CV_64F, sqdepth=cv2.CV_64F)
     limits = np.array(gray.shape[::-1])
-    low, high = (np.clip(np.rint(centers + sign * sizes / 2 + 0.5), 0, limits).astype(np.intp) for sign in (-1, 1))
+    low, high = (np.clip(np.rint(centers + sign * sizes / 2 + 0.5), 0, limits).astype(np.int64) for sign in (-1, 1))
     high = np.maximum(high, np.minimum(low + 1, limits))
-    count = np.maximum((high - low).prod(axis=1), 1)
-    mean, mean_square = (_box_sums(np.asarray(table), low, high) / count for table in (sums, squares))
-    return np.asarray(np.maximum(mean_square - mean**2, 0.0))
-
-
-def _box_sums(table: NDArray[np.float64], low: NDArray[np.intp], high: NDArray[np.intp]) -> NDArray[np.float64]:
-    (x0, y0), (x1, y1) = low.T, high.T
-    return np.asarray(table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0])
+    variances = np.empty(len(low))
+    _box_variances(np.ascontiguousarray(gray), np.column_stack([low, high]), variances)
+    return variances
 
 
 def feature_evidence(gray: NDArray[np.uint8], features: Keypoints) -> NDArray[np.float64]:

@@ -9,34 +9,37 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.native import function
 
 _LEAF = -1
+
+_tree_sums = function(
+    "void tree_sums(const i8[n] columns, const f8[n] thresholds, const i8[n] left, const i8[trees] roots, f8 baseline, "
+    "const f8[rows,fields] evidence, f8[rows] sums)"
+)
 
 
 @dataclass(frozen=True)
 class Trees:
     """All nodes of all trees, one after another."""
 
-    columns: NDArray[np.intp]
+    columns: NDArray[np.int64]
     """(n,) which column a node asks; −1 of leaves."""
     thresholds: NDArray[np.float64]
     """(n,) up to which it goes left; of leaves, their value."""
-    left: NDArray[np.intp]
+    left: NDArray[np.int64]
     """(n,) node on the left; the one on the right comes right behind it."""
-    roots: NDArray[np.intp]
+    roots: NDArray[np.int64]
     """(t,) first nodes of the trees."""
     baseline: float
     """Sum before the first tree."""
 
     def sums(self, evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (n,) sums over the trees, of evidence (n, c)."""
-        rows = np.arange(len(evidence))[:, None]
-        node = np.broadcast_to(self.roots, (len(evidence), len(self.roots)))
-        while (self.columns[node] != _LEAF).any():
-            column, is_leaf = self.columns[node], self.columns[node] == _LEAF
-            is_right = ~(evidence[rows, column] <= self.thresholds[node])
-            node = np.where(is_leaf, node, self.left[node] + is_right)
-        return np.asarray(self.baseline + self.thresholds[node].sum(axis=1))
+        sums = np.empty(len(evidence))
+        nodes = (self.columns, self.thresholds, self.left, self.roots)
+        _tree_sums(*nodes, self.baseline, np.ascontiguousarray(evidence, dtype=np.float64), sums)
+        return sums
 
     def to_plain(self) -> dict[str, Any]:
         """Return lists for a JSON file; `from_plain` is its inverse."""
@@ -51,7 +54,7 @@ class Trees:
 
 def from_plain(plain: dict[str, Any]) -> Trees:
     """Return the trees of `Trees.to_plain`."""
-    columns, left, roots = (np.array(plain[key], dtype=np.intp) for key in ("columns", "left", "roots"))
+    columns, left, roots = (np.array(plain[key], dtype=np.int64) for key in ("columns", "left", "roots"))
     return Trees(columns, np.array(plain["thresholds"], dtype=np.float64), left, roots, float(plain["baseline"]))
 
 
