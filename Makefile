@@ -4,6 +4,7 @@
 # make test-sanitize   the kernels' tests under address and undefined-behaviour sanitizers
 # make wheels  dist/*.whl for Linux (x86-64, aarch64), macOS (arm64) and Windows (x86-64), all compiled here
 # make check   ruff and mypy              make regress    the detectors on two suites, beside the accepted figures
+# make docs    the site, into out/site
 # make bench   our SURF's time and memory against OpenCV's and mahotas's, as ratios, beside benchmarks/baseline.json
 # make parity  our key points against OpenCV's own, where cv2 was built with its SURF
 PYTHON := .venv/bin/python
@@ -12,7 +13,7 @@ READY := .venv/.ready
 TESTS_READY := .venv/.tests-ready
 NATIVE := sim/peaksim/_native/build.json
 
-.PHONY: floor native wheels test test-sanitize test-all check regress bench parity clean
+.PHONY: floor native docs wheels test test-sanitize test-all check regress bench parity clean
 
 floor: $(READY) $(NATIVE)
 	$(PYTHON) scripts/render_floor.py --out out/floor
@@ -47,6 +48,10 @@ bench: $(READY) $(NATIVE)
 
 parity: $(TESTS_READY) $(NATIVE)
 	PYTHONPATH=tests $(PYTHON) benchmarks/parity_surf.py
+
+docs: $(READY) $(NATIVE)
+	$(PYTHON) -c 'import mkdocstrings, material' 2>/dev/null || $(PYTHON) -m pip install --quiet --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict
 
 $(READY): pyproject.toml tools/install.sh
 	bash tools/install.sh

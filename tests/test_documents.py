@@ -1,7 +1,7 @@
 """Every example in the documentation runs: the blocks of each page in their order, in a folder of their own.
 
 Blocks of `python` share their names, as a reader's session would; blocks of `sh` are run command by command. What
-would take minutes is made smaller by options that `--help` lists.
+would take minutes is made smaller by options that `--help` lists (`tests/documents.py`).
 """
 
 import re
@@ -9,122 +9,25 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from contextlib import chdir
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-from peaksim import Camera, traced
 from peaksim.corpus import open_corpus
 
-from peakmark.cli.marker import sheet_tiles
 from peakmark.maps.files import load_map
-from peakmark.markers.sheet import pages, paper_size
-from tests.peaksim.corpus.helpers import child_environment
-from tests.photographs import Paper, photograph, pose_over, save_photograph
-from tests.places import ROOT
-
-PAGES = sorted(
-    page.relative_to(ROOT).as_posix()
-    for pattern in ("*.md", "docs/**/*.md", "scenes/*.md", "assets/*.md", "benchmarks/*.md")
-    for page in ROOT.glob(pattern)
+from tests.documents import (
+    PAGES,
+    SLOW_PAGES,
+    STEPS,
+    lay_out_a_photograph,
+    lay_out_photographs_of_a_board,
+    run_page,
+    wanted,
+    workflow_commands,
 )
-
-NOT_RUN = {
-    "pip": "installs",
-    "peakmark calibrate": "needs photographs of a printed board; tests/peakmark/cli/test_calibrate.py has its own",
-    "peakmark map": "needs photographs of a room; tests/peakmark/cli/test_calibrate.py has its own",
-    "peakmark identify walk.mp4": "needs what those two write",
-    "make": "sets this checkout up, or runs these tests",
-    "git": "fetches this checkout",
-    "cd": "goes into it",
-    "dask": "starts servers that never end; tests/peaksim/corpus/test_backends.py has its own",
-    "CMAKE_ARGS": "builds OpenCV for an hour",
-    "peakmark corpus make spec.toml": "needs those servers and a bucket; test_bucket.py has its own",
-}
-"""First words of a command → why it is not run."""
-
-SMALLER = {
-    "peakmark corpus make": "--frames 8",
-    "python scripts/render_floor.py": "--frames 2",
-    "python scripts/evaluate_flights.py": "--first 1 --frames 2",
-    "python scripts/drive_floor.py": "--paths 1 --length 2",
-}
-"""First words of a command → options that make it smaller."""
-
-SLOW = ("python scripts/", "peakmark regress")
-"""First words of commands that take more than some seconds; `make test-all` runs them."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """One block of Python, or one command."""
-
-    language: str
-    text: str
-    line: int
-
-    @property
-    def is_slow(self) -> bool:
-        return self.language == "sh" and self.text.startswith(SLOW)
-
-
-def steps_of(page: str) -> Iterator[Step]:
-    """Yield the examples of a page in their order."""
-    text = (ROOT / page).read_text(encoding="utf-8")
-    for block in re.finditer(r"^```(\w*)\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE):
-        line = text[: block.start()].count("\n") + 2
-        if block[1] != "sh":
-            yield Step(block[1], block[2], line)
-            continue
-        for i, command in enumerate(block[2].replace("\\\n", " ").splitlines()):
-            for part in re.split(r"&&", command.split(" # ")[0]):
-                if part.strip():
-                    yield Step("sh", part.strip(), line + i)
-
-
-STEPS = {page: list(steps_of(page)) for page in PAGES}
-
-
-def run_command(command: str, folder: Path) -> None:
-    """Run a command of a page as a user would, made smaller."""
-    smaller = next((options for words, options in SMALLER.items() if command.startswith(words)), "")
-    words = [*shlex.split(command), *shlex.split(smaller)]
-    program = {"peakmark": [sys.executable, "-m", "peakmark.cli"], "python": [sys.executable]}[words[0]]
-    environment = {**child_environment(), "BROWSER": "true", "COLUMNS": "120"}
-    done = subprocess.run(
-        [*program, *words[1:]], cwd=folder, env=environment, capture_output=True, text=True, timeout=800
-    )
-    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
-    assert "Traceback" not in done.stderr
-
-
-def wanted(page: str, *, slow: bool) -> list[Step]:
-    """Return a page's slow commands, or everything else that is run."""
-    return [
-        step
-        for step in STEPS[page]
-        if step.language in ("sh", "python") and step.is_slow == slow and not step.text.startswith(tuple(NOT_RUN))
-        if traced.is_available() or 'renderer="traced"' not in step.text
-    ]
-
-
-def run_page(page: str, folder: Path, *, slow: bool) -> dict[str, Any]:
-    """Run a page's slow commands, or everything else; return the names that its Python left."""
-    for name in ("scenes", "scripts"):
-        (folder / name).symlink_to(ROOT / name)
-    names: dict[str, Any] = {"__name__": "__example__"}
-    with chdir(folder):
-        for step in wanted(page, slow=slow):
-            if step.language == "sh":
-                run_command(step.text, folder)
-            else:
-                exec(compile("\n" * (step.line - 1) + step.text, page, "exec"), names)
-    return names
-
+from tests.peaksim.corpus.helpers import child_environment
+from tests.places import ROOT
 
 RUN = (
     "CORPUS.md",
@@ -132,15 +35,29 @@ RUN = (
     "docs/figures/cave.md",
     "docs/figures/detectability.md",
     "docs/figures/driving.md",
+    "docs/how-to/find-markers.md",
     "docs/how-to/find-surf-key-points.md",
     "docs/how-to/localise-a-robot.md",
     "docs/how-to/use-your-own-detector.md",
+    "docs/index.md",
     "docs/reference/sensors.md",
+    "docs/start/first-photograph.md",
+    "docs/start/install.md",
+    "docs/understand/patterns.md",
     "docs/understand/rendering.md",
 )
 """Pages with examples that the default tests run."""
 
-RUN_SLOWLY = ("docs/figures/cave.md", "docs/figures/driving.md", "docs/how-to/keep-a-detector-from-getting-worse.md")
+RUN_SLOWLY = tuple(
+    sorted(
+        (
+            "docs/figures/cave.md",
+            "docs/figures/driving.md",
+            "docs/how-to/keep-a-detector-from-getting-worse.md",
+            *SLOW_PAGES,
+        )
+    )
+)
 """Pages with long commands."""
 
 
@@ -153,21 +70,12 @@ def test_these_are_the_pages_with_examples() -> None:
 def test_a_block_says_what_it_is(page: str) -> None:
     """A command in a block of another language would not be run."""
     for step in STEPS[page]:
-        assert step.language in ("", "sh", "python", "toml"), f"{page}:{step.line}"
+        assert step.language in ("", "sh", "python", "toml", "yaml", "text"), f"{page}:{step.line}"
         if step.language == "toml":
             tomllib.loads(step.text)
-        if step.language == "":
+        if step.language in ("", "text"):
             commands = re.findall(r"^(?:peakmark|python|make|pip|git|dask) .*", step.text, flags=re.MULTILINE)
             assert commands == [], f"{page}:{step.line}"
-
-
-def lay_out_a_photograph(folder: Path) -> None:
-    """Write what a reader has in hand: photo.jpg of the printed sheet, and cam.yaml."""
-    page = pages(sheet_tiles("array-5", 60.0, "dark", "energy", None, 1), paper_size("a4"))[0]
-    camera = Camera(960, 720, 690.0)
-    image = photograph(Paper.of(page), camera, pose_over(0.6, 30, 20, 10), np.random.default_rng(0))
-    save_photograph(folder / "photo.jpg", image)
-    camera.save(folder / "cam.yaml")
 
 
 def test_the_readme_runs(tmp_path: Path) -> None:
@@ -183,9 +91,27 @@ def test_the_page_of_poses_runs(tmp_path: Path) -> None:
     names = run_page("docs/how-to/localise-a-robot.md", tmp_path, slow=False)
     assert len(names["rows"]) == 3
     assert (tmp_path / "out/2.png").is_file()
-    (toml,) = (step.text for step in STEPS["docs/how-to/localise-a-robot.md"] if step.language == "toml")
+
+
+def test_the_map_by_hand_is_a_map(tmp_path: Path) -> None:
+    (toml,) = (step.text for step in STEPS["docs/how-to/map-a-room.md"] if step.language == "toml")
     (tmp_path / "map.toml").write_text(toml, encoding="utf-8")
     assert len(load_map(tmp_path / "map.toml")) == 4
+
+
+def test_the_first_photograph_and_its_markers(tmp_path: Path) -> None:
+    for page in ("first", "find", "patterns", "install", "index"):
+        (tmp_path / page).mkdir()
+        lay_out_a_photograph(tmp_path / page)
+    first = run_page("docs/start/first-photograph.md", tmp_path / "first", slow=False)
+    assert [array.code for array in first["found"].arrays] == [5]
+    assert first["where"].is_certain
+    find = run_page("docs/how-to/find-markers.md", tmp_path / "find", slow=False)
+    assert len(find["sure"]) == len(find["rows"]) == 3
+    patterns = run_page("docs/understand/patterns.md", tmp_path / "patterns", slow=False)
+    assert len(set(patterns["binary"].flat)) == 2
+    run_page("docs/start/install.md", tmp_path / "install", slow=False)
+    run_page("docs/index.md", tmp_path / "index", slow=False)
 
 
 def test_the_pages_of_driving_arrays_and_surf_run(tmp_path: Path) -> None:
@@ -204,10 +130,16 @@ def test_the_pages_of_driving_arrays_and_surf_run(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", RUN_SLOWLY)
 def test_the_long_commands_of_the_pages_run(tmp_path: Path, page: str) -> None:
+    if page in SLOW_PAGES:
+        lay_out_a_photograph(tmp_path)
+    if page in ("docs/how-to/calibrate-a-camera.md", "docs/how-to/map-a-room.md"):
+        lay_out_photographs_of_a_board(tmp_path)
     run_page(page, tmp_path, slow=True)
     results = {
         "docs/figures/cave.md": "out/cave/overlay.png",
         "docs/how-to/keep-a-detector-from-getting-worse.md": "out/compare/report.html",
+        "docs/how-to/print-markers.md": "board/result.json",
+        "docs/how-to/use-sift-from-colmap.md": "keypoints.npz",
     }
     assert (tmp_path / results.get(page, "out")).exists()
 
@@ -237,7 +169,8 @@ def commands_in_prose() -> list[tuple[str, str]]:
     found = []
     for page in PAGES:
         text = (ROOT / page).read_text(encoding="utf-8")
-        spans = [*re.findall(r"`([^`\n]+)`", text), *(s.text for s in STEPS[page] if s.language == "sh")]
+        blocks = [step.text for step in STEPS[page] if step.language == "sh"]
+        spans = [*re.findall(r"`([^`\n]+)`", text), *blocks, *workflow_commands(page)]
         found += [(page, span) for span in spans if re.match(r"peakmark [a-z]|python scripts/", span) and " --" in span]
     return sorted(set(found))
 
