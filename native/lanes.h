@@ -3,6 +3,7 @@
 #ifndef LANES_H
 #define LANES_H
 
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -35,6 +36,13 @@ static inline float8 only8(lanes8 is_so, float8 x) { return (float8)(is_so & (la
 
 static inline float8 choose8(lanes8 is_first, float8 first, float8 second) {
     return (float8)((is_first & (lanes8)first) | (~is_first & (lanes8)second));
+}
+
+static inline float8 root8(float8 x) {
+    float roots[8];
+    store8(roots, x);
+    for (int k = 0; k < 8; k++) roots[k] = sqrtf(roots[k]);
+    return load8(roots);
 }
 
 static inline float least8(float8 lanes) {

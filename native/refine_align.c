@@ -198,23 +198,43 @@ int64_t best_shape(const coarse *search, picture image, const double *center, do
 
 /* ---- Levenberg–Marquardt ---- */
 
+/* The equations of the parameters that are used: those of others say that they stay. */
+typedef struct {
+    int64_t count, listed[LIT], blur;
+    double hessian[LIT * LIT], slope[LIT];
+} system_used;
+
+static system_used used_part(const double *hessian, const double *slope, int64_t n, const bool *used) {
+    system_used part = {.count = 0, .blur = -1};
+    for (int64_t k = 0; k < n; k++) {
+        if (used[k] && k == 10) part.blur = part.count;
+        if (used[k]) part.listed[part.count++] = k;
+    }
+    for (int64_t a = 0; a < part.count; a++) {
+        part.slope[a] = slope[part.listed[a]];
+        for (int64_t b = 0; b < part.count; b++) part.hessian[a * part.count + b] = hessian[part.listed[a] * n + part.listed[b]];
+    }
+    return part;
+}
+
 /* Fill in the step of a damped Newton iteration, with the blur held at its least, and return its length in σ². */
-static double damped_step(const double *hessian, const double *slope, int64_t n, bool may_blur, double blur,
-                          double *step) {
-    double a[LIT * LIT];
-    memcpy(a, hessian, (size_t)(n * n) * sizeof *a);
-    memcpy(step, slope, (size_t)n * sizeof *step);
-    if (!solve(a, n, step, 1)) step[0] = NAN;
-    bool is_bounded = may_blur && blur + step[10] < MIN_BLUR;
+static double damped_step(const double *hessian, const double *slope, int64_t n, const bool *used, double blur, double *step) {
+    system_used part = used_part(hessian, slope, n, used), own = part;
+    int64_t count = part.count;
+    if (!solve(own.hessian, count, own.slope, 1)) own.slope[0] = NAN;
+    bool is_bounded = part.blur >= 0 && blur + own.slope[part.blur] < MIN_BLUR;
     if (is_bounded) {
-        memcpy(a, hessian, (size_t)(n * n) * sizeof *a);
-        memcpy(step, slope, (size_t)n * sizeof *step);
-        a[10 * n + 10] += HELD;
-        step[10] = HELD * (MIN_BLUR - blur);
-        if (!solve(a, n, step, 1)) step[0] = NAN;
+        own = part;
+        own.hessian[part.blur * count + part.blur] += HELD;
+        own.slope[part.blur] = HELD * (MIN_BLUR - blur);
+        if (!solve(own.hessian, count, own.slope, 1)) own.slope[0] = NAN;
     }
     double length = 0;
-    for (int64_t k = 0; k < n; k++) length += is_bounded && k == 10 ? 0 : step[k] * slope[k];
+    for (int64_t k = 0; k < n; k++) step[k] = 0;
+    for (int64_t a = 0; a < count; a++) {
+        step[part.listed[a]] = own.slope[a];
+        length += is_bounded && a == part.blur ? 0 : own.slope[a] * part.slope[a];
+    }
     return length;
 }
 
@@ -257,7 +277,7 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
             result.converged = false;
             return result;
         }
-        double length = damped_step(hessian, slope, n, before->used[10], result.theta[10], step);
+        double length = damped_step(hessian, slope, n, before->used, result.theta[10], step);
         for (int64_t k = 0; k < n; k++) trial[k] = result.theta[k] + step[k];
         if (n == LIT) bound_blur(trial);
         add_up(m, trial, chosen, before->used, &there);

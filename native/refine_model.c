@@ -49,14 +49,35 @@ int64_t pixels_around(const model *m, const double *theta, int64_t height, int64
     return area(pixel_bounds(theta, m->extent, width, height));
 }
 
-/* Whether a pixel is inside the extent: 0 no, 1 yes, 2 yes and within reach of a line. */
-static int worth(const model *m, const double *theta, double reach, double x, double y) {
-    pattern_view at = pattern_point(theta, x, y);
-    double reach_u = reach * sqrt(at.ux * at.ux + at.uy * at.uy), reach_v = reach * sqrt(at.vx * at.vx + at.vy * at.vy);
-    if (at.w <= MIN_DEPTH || fabs(at.u) > m->extent - reach_u || fabs(at.v) > m->extent - reach_v) return 0;
-    for (int64_t k = 0; k < m->line_count; k++)
-        if (fabs(at.u - m->lines[k]) < 1.4 * reach_u || fabs(at.v - m->lines[k]) < 1.4 * reach_v) return 2;
-    return 1;
+/* Where pixels look, as `pattern_point`, of eight of them: from the pattern's centre, px. */
+typedef struct {
+    float8 u, v, w, ux, uy, vx, vy;
+} eight_views;
+
+static inline eight_views view8(const double *theta, float8 x, float8 y) {
+    float8 g1 = all8((float)theta[6]), g2 = all8((float)theta[7]);
+    float8 b11 = all8((float)theta[2]) - x * g1, b12 = all8((float)theta[3]) - x * g2;
+    float8 b21 = all8((float)theta[4]) - y * g1, b22 = all8((float)theta[5]) - y * g2;
+    float8 determinant = b11 * b22 - b12 * b21, inverse = all8(1) / determinant;
+    lanes8 is_before = determinant > all8(0);
+    float8 u = only8(is_before, (b22 * x - b12 * y) * inverse), v = only8(is_before, (b11 * y - b21 * x) * inverse);
+    float8 w = only8(is_before, all8(1) + g1 * u + g2 * v), scale = only8(is_before, w * inverse), back = all8(0) - scale;
+    return (eight_views){u, v, w, scale * b22, back * b12, back * b21, scale * b11};
+}
+
+/* Whether each of eight pixels of a row is inside the extent: 0 no, 1 yes, 2 yes and within reach of a line. */
+static lanes8 rate8(const model *m, const double *theta, float reach, int64_t left, int64_t y) {
+    static const float8 steps = {0, 1, 2, 3, 4, 5, 6, 7};
+    eight_views at = view8(theta, all8((float)((double)left - theta[0])) + steps, all8((float)((double)y - theta[1])));
+    float8 reach_u = all8(reach) * root8(at.ux * at.ux + at.uy * at.uy), u = absolute8(at.u);
+    float8 reach_v = all8(reach) * root8(at.vx * at.vx + at.vy * at.vy), v = absolute8(at.v), extent = all8((float)m->extent);
+    lanes8 is_inside = (at.w > all8((float)MIN_DEPTH)) & (u <= extent - reach_u) & (v <= extent - reach_v), is_near = {0};
+    reach_u *= all8(1.4f), reach_v *= all8(1.4f);
+    for (int64_t k = 0; k < m->line_count; k++) {
+        float8 line = all8((float)m->lines[k]);
+        is_near |= (absolute8(at.u - line) < reach_u) | (absolute8(at.v - line) < reach_v);
+    }
+    return (lanes8){0} - is_inside - (is_inside & is_near);
 }
 
 /* Pixels within reach of a line lie on every stride-th diagonal; others tell gain and offset, on a grid 4 times as wide. */
@@ -70,11 +91,14 @@ static int64_t select_from(const model *m, const double *theta, int64_t height, 
     double reach = 2.5 * sqrt(PIXEL_VARIANCE + theta[10]);
     int64_t count = 0;
     for (int64_t y = b.top; y < b.bottom; y++)
-        for (int64_t x = b.left; x < b.right; x++) {
-            int kind = worth(m, theta, reach, (double)x, (double)y);
-            if (!kind || !is_taken(x, y, kind == 2, stride)) continue;
-            xy[2 * count] = (int32_t)x, xy[2 * count + 1] = (int32_t)y;
-            near[count++] = kind == 2;
+        for (int64_t left = b.left; left < b.right; left += 8) {
+            lanes8 kinds = rate8(m, theta, (float)reach, left, y);
+            for (int64_t i = 0; i < least(8, b.right - left); i++) {
+                int64_t x = left + i;
+                if (!kinds[i] || !is_taken(x, y, kinds[i] == 2, stride)) continue;
+                xy[2 * count] = (int32_t)x, xy[2 * count + 1] = (int32_t)y;
+                near[count++] = kinds[i] == 2;
+            }
         }
     return count;
 }
@@ -161,20 +185,13 @@ static void fill_places(const model *m, const double *theta, const int32_t *xy, 
     }
 }
 
-/* Where the first n ≥ count pixels of a tile look, as `pattern_point`; beyond `count` the last one again. */
+/* Where the first n ≥ count pixels of a tile look; beyond `count` the last one again. */
 static void fill_views(const model *m, const double *theta, const int32_t *xy, int64_t count, int64_t n, view_columns *views) {
-    const float a11 = (float)theta[2], a12 = (float)theta[3], a21 = (float)theta[4], a22 = (float)theta[5];
-    const float g1 = (float)theta[6], g2 = (float)theta[7];
     fill_places(m, theta, xy, count, n, views);
-    for (int64_t i = 0; i < n; i++) {
-        float x = views->x[i], y = views->y[i];
-        float b11 = a11 - x * g1, b12 = a12 - x * g2, b21 = a21 - y * g1, b22 = a22 - y * g2;
-        float determinant = b11 * b22 - b12 * b21, inverse = 1 / determinant;
-        bool is_before = determinant > 0;
-        float u = is_before ? (b22 * x - b12 * y) * inverse : 0, v = is_before ? (b11 * y - b21 * x) * inverse : 0;
-        float w = is_before ? 1 + g1 * u + g2 * v : 0, scale = is_before ? w * inverse : 0;
-        views->u[i] = u, views->v[i] = v, views->w[i] = w;
-        views->ux[i] = scale * b22, views->uy[i] = -scale * b12, views->vx[i] = -scale * b21, views->vy[i] = scale * b11;
+    for (int64_t i = 0; i < n; i += 8) {
+        eight_views at = view8(theta, load8(views->x + i), load8(views->y + i));
+        store8(views->u + i, at.u), store8(views->v + i, at.v), store8(views->w + i, at.w);
+        store8(views->ux + i, at.ux), store8(views->uy + i, at.uy), store8(views->vx + i, at.vx), store8(views->vy + i, at.vy);
     }
     fill_axis(m, theta, views->ux, views->uy, n, &views->across);
     fill_axis(m, theta, views->vx, views->vy, n, &views->down);
