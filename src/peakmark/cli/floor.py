@@ -46,6 +46,9 @@ def render_floor(
     rule: Annotated[
         str | None, Option(help="paper (rank and response drop) or joint. [default: paper; on a ride joint]")
     ] = None,
+    preset: Annotated[
+        str, Option(help="SURF's: opencv (4 octaves of 3 layers) or paper (4 of 2).")
+    ] = FloorConfig.preset,
     trajectory: Annotated[
         str | None,
         Option(help="Fly through: a ride (stroll, bumpy, sharp or a TOML file), or TUM, EuRoC or KITTI poses."),
@@ -61,12 +64,15 @@ def render_floor(
     """Redo the paper's robot experiment: a lab floor with 14 markers, found with SURF, scored against truth.
 
     Writes frame.png, overlay.png (Figure 10), responses.png (Figure 11), signatures.png (Figure 12), report.html and
-    result.json; with --frames also frames.csv and flight.mp4. With --trajectory it flies through instead, and writes
-    frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and result.json.
+    result.json; with --frames also frames.csv and flight.mp4, with --preset paper the ranks on stretched.png. With
+    --trajectory it flies through instead, and writes frames.csv, detections.parquet, flight.mp4, top_view.png, the
+    poses as TUM files, report.html and result.json.
     """
     console = new_console(quiet)
     drawn_by = cast(Renderer, renderer)
     decided_by = cast(Narrower, rule or ("paper" if trajectory is None else "joint"))
+    if trajectory is not None and preset != FloorConfig.preset:
+        raise InputError(f"--preset: expected {FloorConfig.preset} with --trajectory, got {preset}")
     if trajectory is not None:
         flight = FlightConfig(
             trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples, sensor, bake
@@ -74,8 +80,9 @@ def render_floor(
         _fly(console, flight, out, resume)
     else:
         factor, count = 2.0 if stretch is None else stretch, 1 if frames is None else frames
-        still = FloorConfig(scene or "floor", texture, drawn_by, seed, factor, count, decided_by, samples, sensor, bake)
-        _render(console, still, out)
+        seen = (scene or "floor", texture, drawn_by, seed, factor, count)
+        by = (decided_by, cast(still.Preset, preset), samples, sensor, bake)
+        _render(console, FloorConfig(*seen, *by), out)
     print_path(console, out / "report.html")
 
 

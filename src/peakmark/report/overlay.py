@@ -1,6 +1,6 @@
 """Drawings on the frame: detections (the paper's Figure 10), arrays (Figures 13 and 15) and key points."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -31,15 +31,24 @@ DARK, LIGHT, OTHER = (64, 160, 255), (255, 196, 0), (0, 230, 120)
 
 
 def draw_overlay(
-    image: NDArray[Any], truth: Sequence[MarkerTruth], detections: Sequence[Detection], score: Score
+    image: NDArray[Any],
+    truth: Sequence[MarkerTruth],
+    detections: Sequence[Detection],
+    score: Score,
+    ranks: Mapping[str, Sequence[int]] | None = None,
 ) -> Canvas:
-    """Return an RGB copy of the image with each detection's outline and rank, and a cross on each missed marker."""
+    """Return an RGB copy of the image with each detection's outline and rank, and a cross on each missed marker.
+
+    `ranks` has a marker's name → the ranks of all its features, if they are to be shown instead of the detection's.
+    """
     canvas, line = rgb_copy(image), _line_px(image)
-    matched = set(score.matches.values())
+    matched = {index: name for name, index in score.matches.items()}
     for detection in detections:
         colour = FOUND if detection.id in matched else FALSE
+        shown = (ranks or {}).get(matched.get(detection.id, ""), (detection.rank,))
         draw_circle(canvas, detection.xy, detection.size * 0.75, colour, 2 * line)
-        draw_label(canvas, str(detection.rank), detection.xy + np.array([detection.size * 0.8, 0]), colour, line)
+        at = detection.xy + np.array([detection.size * 0.8, 0])
+        draw_label(canvas, ", ".join(map(str, shown)), at, colour, line)
     for marker in truth:
         if marker.name in score.missed:
             draw_cross(canvas, marker.center_xy, max(12, marker.side_px), MISSED, 2 * line)

@@ -207,6 +207,19 @@ def localisation(errors_px: NDArray[np.float64]) -> Localisation:
     )
 
 
+def ranks_above_clutter(truth: Sequence[MarkerTruth], features: Keypoints) -> dict[str, tuple[int, ...]]:
+    """Return by marker the 1-based ranks of the features at its centre that are stronger than all clutter.
+
+    A marker has several where another octave or orientation finds it again: together they are the paper's "16 highest
+    response features for 14 present markers". A marker without any has no entry.
+    """
+    visible = [marker for marker in truth if marker.visible_fraction > 0]
+    owner = owners(visible, features, TOLERANCE_PX)
+    clutter = _strongest(owner, -1)
+    above = owner[:clutter]
+    return {visible[k].name: tuple((np.flatnonzero(above == k) + 1).tolist()) for k in sorted({*above.tolist()})}
+
+
 def at_markers(truth: Sequence[MarkerTruth], features: Keypoints) -> NDArray[np.bool_]:
     """Return for each feature whether it lies at a visible marker's centre."""
     visible = [marker for marker in truth if marker.visible_fraction > 0]

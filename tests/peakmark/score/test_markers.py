@@ -10,7 +10,7 @@ from peakmark.identification.detection import Detection
 from peakmark.identification.signature import reference_descriptor
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.patterns import Polarity
-from peakmark.score.markers import Score, localisation, match, score_frame
+from peakmark.score.markers import Score, localisation, match, ranks_above_clutter, score_frame
 from peakmark.score.wanted import READABLE
 from tests.samples import some_keypoints
 
@@ -53,6 +53,14 @@ def test_two_markers_one_found_and_clutter_between() -> None:
     assert score.response_drop == pytest.approx(90 / 60)
     assert score.localisation_px.rms == pytest.approx(1.0)
     assert score.localisation_px.bias_xy == pytest.approx((1.0, 0.0))
+
+
+def test_ranks_above_clutter_hold_what_finds_a_marker_again() -> None:
+    markers = [truth("a", 100, 100), truth("b", 200, 100), truth("hidden", 300, 100, visible=0.0)]
+    all_features = features((101, 100, 90), (200, 100, 60), (100.5, 101, 50), (7, 7, 45), (200, 102, 5))
+    assert ranks_above_clutter(markers, all_features) == {"a": (1, 3), "b": (2,)}
+    assert ranks_above_clutter(markers, all_features[:3]) == {"a": (1, 3), "b": (2,)}
+    assert ranks_above_clutter(markers, features((7, 7, 45), (200, 102, 5))) == {}
 
 
 def test_clutter_above_the_last_marker_is_counted_and_the_drop_falls_below_one() -> None:

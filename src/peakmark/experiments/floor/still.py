@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +15,28 @@ from peaksim.camera.frame import MarkerTruth, error_budget
 from peaksim.camera.sensor import apply_sensor
 from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
+from PIL import Image
 
+from peakmark import surf
+from peakmark.experiments.floor.flight import map_of
+from peakmark.experiments.floor.still_markers import DISTANCE_NOTE, marker_table
 from peakmark.experiments.floor.view import FloorView, ViewRow, score_view
 from peakmark.experiments.option import check_choice, check_range
 from peakmark.experiments.run import OnStep
 from peakmark.identification.api import Narrower
 from peakmark.identification.paper import SIGNATURE_LIMIT
 from peakmark.identification.stretch import LARGEST, SMALLEST
+from peakmark.localise.locate import FloorMap
 from peakmark.plain import INLINED
 from peakmark.report import plots
-from peakmark.report.page import Section, Table, write_report
+from peakmark.report.page import Section, Table, jpeg_uri, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 from peakmark.report.views import curve_section, write_views
 from peakmark.score.markers import Localisation, ScoreSummary, at_markers, localisation
 from peakmark.score.wanted import IN_VIEW, SMALLEST_PX
+
+Preset = Literal["opencv", "paper"]
+PRESETS = {"opencv": surf.OPENCV, "paper": surf.PAPER}
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,8 @@ class FloorConfig:
     """Frames along the trajectory; 1 is taken from its first pose."""
     rule: Narrower = "paper"
     """How key points become markers."""
+    preset: Preset = "opencv"
+    """Of SURF: "opencv", 4 octaves × 3 layers, or "paper", 4 × 2."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
     sensor: str | None = None
@@ -63,6 +73,7 @@ class FloorConfig:
         check_choice("renderer", self.renderer, get_args(Renderer))
         check_range("samples", self.samples, 1)
         check_choice("rule", self.rule, get_args(Narrower))
+        check_choice("preset", self.preset, get_args(Preset))
 
 
 def open_scene(config: FloorConfig) -> Setup:
@@ -93,7 +104,8 @@ def render_view(setup: Setup, config: FloorConfig, index: int, time_s: float) ->
     )
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     is_refined = config.rule != "paper"  # the paper knows no refinement
-    return score_view(index, frame, perf_counter() - start, config.stretch, config.rule, refine=is_refined)
+    settings = PRESETS[config.preset]
+    return score_view(index, frame, perf_counter() - start, config.stretch, config.rule, refine=is_refined, **settings)
 
 
 @dataclass(frozen=True)
@@ -132,6 +144,9 @@ class FloorResult:
     """Key points; of several frames the median."""
     score: ScoreSummary | Totals = field(metadata=INLINED)
     """Of the one frame, or over all."""
+    responses_above_clutter: int | None
+    markers_above_clutter: int | None
+    """Features that are stronger than all clutter, and the markers that they belong to; None over several frames."""
     frames: int
     renderer: str
     gl_renderer: str | None
@@ -170,9 +185,14 @@ def run_floor(config: FloorConfig, out: str | Path, on_step: OnStep = lambda don
 
         film = "flight.mp4" if config.frames > 1 else None
         first, images = write_views(folder, render_views(setup, config), FloorView.overlay, figures_of, film, count)
+        if config.preset == "paper":
+            images["overlay"] = _write_stretched(folder, first, config.stretch)
+        ranks = first.ranks() if config.frames == 1 else None
         result = FloorResult(
             features=int(np.median([row.features for row in rows])),
             score=totals_of([row.score for row in rows], errors_px) if config.frames > 1 else first.score.summary(),
+            responses_above_clutter=None if ranks is None else sum(map(len, ranks.values())),
+            markers_above_clutter=None if ranks is None else len(ranks),
             frames=config.frames,
             renderer=first.frame.renderer,
             gl_renderer=first.frame.gl_renderer,
@@ -185,9 +205,16 @@ def run_floor(config: FloorConfig, out: str | Path, on_step: OnStep = lambda don
             result = replace(result, remarks=reasons(first.frame.truth, config))
         if config.frames > 1:
             write_rows(folder / "frames.csv", rows)
-        _write_report(folder, first, rows, result, images)
+        _write_report(folder, first, rows, result, images, map_of(setup.scene))
         write_json(folder / "result.json", result)
     return result
+
+
+def _write_stretched(folder: Path, view: FloorView, stretch: float) -> str:
+    """Write the stretched image with its ranks, and return it as a data URI."""
+    image = view.stretched_overlay(stretch)
+    Image.fromarray(image).save(folder / "stretched.png", compress_level=1)
+    return jpeg_uri(image)
 
 
 def reasons(truth: Sequence[MarkerTruth], config: FloorConfig) -> tuple[str, ...]:
@@ -218,7 +245,12 @@ def figures_of(view: FloorView) -> dict[str, Any]:
 
 
 def _write_report(
-    folder: Path, first: FloorView, rows: list[ViewRow], result: FloorResult, images: dict[str, str]
+    folder: Path,
+    first: FloorView,
+    rows: list[ViewRow],
+    result: FloorResult,
+    images: dict[str, str],
+    floor_map: FloorMap | None,
 ) -> None:
     config, score = result.config, result.score
     found = f"{score.markers_found} of {score.markers_in_view} markers in view found"
@@ -235,12 +267,12 @@ def _write_report(
         Section(
             "Figure 10: the frame with ranks",
             image=images["overlay"],
-            caption="Circles: detections with their rank by response among all features; green found, "
-            "orange false, red crosses missed.",
+            caption="Circles: detections with the ranks by response among all features of those at the marker; "
+            "green found, orange false, red crosses missed.",
         ),
         Section("Figure 11: responses", image=images["responses"]),
         Section("Figure 12: signatures", image=images["signatures"]),
-        Section("Markers", table=marker_table(first)),
+        Section("Markers", text=DISTANCE_NOTE, table=marker_table(first, floor_map)),
     ]
     write_report(folder / "report.html", "Lab floor: markers found and scored", lead, sections)
 
@@ -265,6 +297,7 @@ def result_rows(result: FloorResult) -> list[tuple[str, Any]]:
         ("markers in view", score.markers_in_view),
         ("markers found", score.markers_found),
         ("false detections", score.false_detections),
+        *_above_clutter_rows(result),
         ("features of clutter above the last marker", score.false_above_last_marker),
         ("response drop, last marker over strongest clutter", score.response_drop),
         ("localisation bias (px)", score.localisation_px.bias),
@@ -275,15 +308,9 @@ def result_rows(result: FloorResult) -> list[tuple[str, Any]]:
     ]
 
 
-def marker_table(view: FloorView) -> Table:
-    """Return one row a marker: truth beside what was found."""
-    head = ("marker", "side (px)", "distance (m)", "tilt (°)", "visible", "rank", "response", "signature", "error (px)")
-    return Table(head, [_marker_row(view, t) for t in view.frame.truth])
-
-
-def _marker_row(view: FloorView, truth: MarkerTruth) -> tuple[Any, ...]:
-    known = (truth.name, truth.side_px, truth.distance_m, truth.tilt_deg, truth.visible_fraction)
-    if truth.name not in view.score.matches:
-        return (*known, None, None, None, None)
-    d = view.found.detections[view.score.matches[truth.name]]
-    return (*known, d.rank, d.response, d.signature_distance, float(np.linalg.norm(d.xy - truth.center_xy)))
+def _above_clutter_rows(result: FloorResult) -> list[tuple[str, Any]]:
+    """Return the line that the paper has as "16 highest response features for 14 present markers"."""
+    if result.responses_above_clutter is None:
+        return []
+    text = f"{result.responses_above_clutter} for {result.markers_above_clutter} markers"
+    return [("responses above all clutter", text), ("rank before the drop", result.responses_above_clutter or None)]

@@ -1,7 +1,8 @@
 """One frame of the floor, what was found in it, and how well."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,11 @@ from peaksim.scene.scene import Scene
 
 from peakmark.identification.api import Narrower, detect_stretched, identify_features
 from peakmark.identification.detection import Identification
-from peakmark.identification.stretch import Stretch
+from peakmark.identification.stretch import Stretch, stretched
 from peakmark.keypoints.image import as_gray
 from peakmark.plain import INLINED
 from peakmark.report.overlay import draw_overlay
-from peakmark.score.markers import Score, ScoreSummary, score_frame
+from peakmark.score.markers import Score, ScoreSummary, ranks_above_clutter, score_frame
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,22 @@ class FloorView:
         return [self.found.detections[index].xy - truth[name] for name, index in self.score.matches.items()]
 
     def overlay(self) -> NDArray[np.uint8]:
-        """Return the frame with ranks (Figure 10)."""
-        return draw_overlay(self.frame.image, self.frame.truth, self.found.detections, self.score)
+        """Return the frame with the ranks of all features of each marker (Figure 10)."""
+        return draw_overlay(self.frame.image, self.frame.truth, self.found.detections, self.score, self.ranks())
+
+    def stretched_overlay(self, stretch: float) -> NDArray[np.uint8]:
+        """Return the same on the image that the detector saw, vertically stretched, as the paper's Figure 10 is."""
+
+        def seen(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.array([xy[0], (xy[1] + 0.5) * stretch - 0.5])
+
+        truth = [replace(marker, center_xy=seen(marker.center_xy)) for marker in self.frame.truth]
+        detections = [replace(d, xy=seen(d.xy), size=d.size * float(np.sqrt(stretch))) for d in self.found.detections]
+        return draw_overlay(stretched(as_gray(self.frame.image), stretch), truth, detections, self.score, self.ranks())
+
+    def ranks(self) -> dict[str, tuple[int, ...]]:
+        """Return by marker the ranks of its features that are stronger than all clutter."""
+        return ranks_above_clutter(self.frame.truth, self.found.features)
 
 
 @dataclass(frozen=True)
@@ -68,14 +83,16 @@ def score_view(
     rule: Narrower,
     strongest: int | None = None,
     refine: bool = True,
+    **parameters: Any,
 ) -> FloorView:
     """Detect, identify and score the markers of a frame that took so long to render.
 
-    `strongest` limits the features that are described, `refine` adds sub-pixel positions; see `identify`.
+    `strongest` limits the features that are described, `refine` adds sub-pixel positions; see `identify`. Further
+    `parameters` are those of `surf.detect_and_describe`.
     """
     start = perf_counter()
     gray = as_gray(frame.image)
-    features = detect_stretched(gray, stretch, strongest=strongest)
+    features = detect_stretched(gray, stretch, strongest=strongest, **parameters)
     detected = perf_counter()
     found = identify_features(gray, features, "dark", rule, stretch, refine=refine)
     identified = perf_counter()

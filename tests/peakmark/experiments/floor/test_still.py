@@ -17,6 +17,7 @@ from PIL import Image
 
 from peakmark.cli.floor import render_floor
 from peakmark.errors import InputError
+from peakmark.experiments.floor.flight import map_of
 from peakmark.experiments.floor.still import (
     FloorConfig,
     FloorResult,
@@ -27,6 +28,9 @@ from peakmark.experiments.floor.still import (
     result_rows,
     run_floor,
 )
+from peakmark.experiments.floor.still_markers import estimated_distances, marker_table
+from peakmark.experiments.floor.view import FloorView
+from peakmark.identification.stretch import stretched
 from peakmark.plain import to_plain
 from tests.helpers import needs_gl
 from tests.peaksim.traced.helpers import needs_tracing
@@ -94,6 +98,49 @@ def test_the_papers_claim_on_the_shipped_scene(default_run: tuple[Path, FloorRes
     assert score.response_drop >= 2
     assert score.localisation_px.rms is not None
     assert score.localisation_px.rms <= 1
+
+
+def test_the_table_says_how_many_responses_stand_above_the_clutter(default_run: tuple[Path, FloorResult]) -> None:
+    _, result = default_run
+    rows = dict(result_rows(result))
+    assert result.markers_above_clutter == 14
+    assert result.responses_above_clutter is not None
+    assert rows["responses above all clutter"] == f"{result.responses_above_clutter} for 14 markers"
+    assert rows["rank before the drop"] == result.responses_above_clutter >= 14
+    assert result.score.rank_of_last_marker <= result.responses_above_clutter  # type: ignore[union-attr, operator]
+
+
+@pytest.fixture
+def paper_view(small_scene: Path) -> FloorView:
+    config = FloorConfig(str(small_scene), renderer="exact", preset="paper")
+    return render_view(open_scene(config), config, 0, 0.0)
+
+
+def test_distances_from_the_scale_and_refined_lie_near_the_true_ones(small_scene: Path, paper_view: FloorView) -> None:
+    estimates = estimated_distances(paper_view, map_of(load_scene(small_scene).scene))
+    truth = {marker.name: marker.distance_m for marker in paper_view.frame.truth}
+    by_scale, refined = (np.array([estimates[name][k] for name in truth]) for k in (0, 1))
+    true = np.array(list(truth.values()))
+    assert np.abs(by_scale / true - 1).max() < 0.15
+    assert np.median(np.abs(refined.astype(float) / true - 1)) < 0.01
+    assert estimated_distances(paper_view, None) == {}
+
+
+def test_the_papers_preset_keeps_the_stretched_image_and_names_duplicates(
+    small_scene: Path, paper_view: FloorView, tmp_path: Path
+) -> None:
+    result = run_floor(FloorConfig(str(small_scene), renderer="exact", preset="paper"), tmp_path)
+    usual = run_floor(FloorConfig(str(small_scene), renderer="exact"), tmp_path)
+    assert result.features < usual.features  # of two layers an octave
+    drawn = np.asarray(Image.open(tmp_path / "stretched.png"))
+    assert np.array_equal(drawn, paper_view.stretched_overlay(2.0))
+    gray = stretched(paper_view.frame.image, 2.0)
+    assert drawn.shape == (*gray.shape, 3)
+    assert (drawn[:, :, 0] == gray).mean() > 0.95  # but for circles and labels
+    assert sum(map(len, paper_view.ranks().values())) >= 3
+    table = marker_table(paper_view, None)
+    ranks = {row[0]: row[list(table.head).index("ranks")] for row in table.rows}
+    assert ranks == {name: ", ".join(map(str, of)) for name, of in paper_view.ranks().items()}
 
 
 def test_every_promised_file_and_figure_is_there(default_run: tuple[Path, FloorResult]) -> None:
@@ -216,6 +263,8 @@ def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> N
         (("--frames", "0"), "--frames: expected 1…1000000, got 0"),
         (("--stretch", "nan"), "--stretch: expected 0.25…8, got nan"),
         (("--samples", "0"), "--samples: expected 1 or more, got 0"),
+        (("--preset", "lowe"), "--preset: expected opencv or paper, got lowe"),
+        (("--preset", "paper", "--trajectory", "stroll"), "--preset: expected opencv with --trajectory, got paper"),
         (("--renderer", "povray"), "--renderer: expected auto, exact, gl, pyrender or traced, got povray"),
         (("--out", "/dev/null/x"), "--out /dev/null/x: expected a folder that can be written"),
     ],
