@@ -43,6 +43,7 @@ FLOORS = (
     ("peakmark.localise",),
     ("peakmark.score", "peakmark.found"),
     ("peakmark.maps",),
+    ("peakmark.recording",),
     ("peakmark.report",),
     (
         "peakmark.calibration",
@@ -67,6 +68,7 @@ HEAVY = {
     "evo",
     "fpdf",
     "fsspec",
+    "mcap",
     "jinja2",
     "matplotlib",
     "mitsuba",
@@ -76,6 +78,7 @@ HEAVY = {
     "pycolmap",
     "pyrender",
     "rerun",
+    "rosbags",
     "scipy.optimize",
     "scipy.stats",
     "skimage",

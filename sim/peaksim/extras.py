@@ -16,10 +16,12 @@ EXTRAS = {
     **dict.fromkeys(("fsspec", "s3fs"), "cloud"),
     "distributed": "distributed",
     "evo": "evo",
+    "mcap": "ros",
     "pandas": "pandas",
     "pupil_apriltags": "compare",
     "pycolmap": "vlfeat",
     "rerun": "rerun",
+    "rosbags": "ros",
 }
 """Module → the extra of peakmark that brings it."""
 

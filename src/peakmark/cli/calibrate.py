@@ -14,7 +14,7 @@ from peakmark.calibration.page import advice, parameter_rows, write_calibration_
 from peakmark.calibration.views import BoardView, board_view
 from peakmark.cli.command import examples, print_error
 from peakmark.cli.options import Out, Quiet, UnusedSeed
-from peakmark.cli.sources import FailedFile, expanded, is_film, read_sources
+from peakmark.cli.sources import FailedFile, expanded, image_count, read_sources
 from peakmark.cli.terminal import new_console, print_path, print_table, progress_bar
 from peakmark.errors import InputError, one_line
 from peakmark.found.found import find
@@ -32,7 +32,7 @@ FILES = {"camera.yaml": "opencv", "camera_info.yaml": "ros", "camchain.yaml": "k
 )
 def calibrate_camera(
     sources: Annotated[
-        list[str], Argument(metavar="IMAGES…", help="Photographs of the board: files, folders, patterns or films.")
+        list[str], Argument(metavar="IMAGES…", help="Photographs of the board: files, folders, films, bags.")
     ],
     sheet: Annotated[str, Option(help="result.json of the board: `peakmark marker board --paper a3`.")],
     lens: Annotated[str, Option(help="pinhole, brown4, brown5, brown8 or fisheye: OpenCV's coefficients.")] = "brown5",
@@ -56,7 +56,7 @@ def calibrate_camera(
     if not board.arrays:
         raise InputError(f"{sheet}: expected a sheet with arrays, such as `peakmark marker board` prints")
     named = expanded(sources)
-    total = None if any(Path(one).is_dir() or is_film(Path(one)) for one in named) else len(named)
+    total = image_count(named)
     views, dropped, size = [], [], None
     failed: list[FailedFile] = []
     read = partial(read_image, is_upright=False)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from peaksim.whole_file import whole_file
 from PIL import Image
 
-from peakmark.cli.sources import FailedFile, OnFailure, is_film, read_images
+from peakmark.cli.sources import FailedFile, OnFailure, image_count, read_images
 from peakmark.detectors.registry import find_detector, settings_of
 from peakmark.errors import InputError
 from peakmark.keypoints.keypoints import Keypoints
@@ -82,7 +82,7 @@ def detect_files(
     settings |= {} if is_upright else {"raw_orientation": True}
     detect = find_detector(detector)
     is_single = out.suffix in FORMATS
-    if is_single and (source.is_dir() or is_film(source)):
+    if is_single and image_count([str(source)]) is None:
         raise InputError(f"{out}: expected a folder, as {source} holds many images")
     if ending not in FORMATS:
         raise InputError(f"format: expected one of {', '.join(FORMATS)}, got {ending!r}")

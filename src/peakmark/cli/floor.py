@@ -95,9 +95,18 @@ def _render(console: Console, config: FloorConfig, out: Path) -> None:
     print_table(console, title, FIGURES, still.result_rows(result))
 
 
-def _fly(console: Console, config: FlightConfig, out: Path, is_resumed: bool) -> None:
+def _fly(
+    console: Console,
+    config: FlightConfig,
+    out: Path,
+    is_resumed: bool,
+    record: Path | None = None,
+    overlays: bool = False,
+) -> None:
     with resumable(_WITH_RESUME), progress_bar(console, _STAGES) as bar:
-        result = flight_results.run_flight(config, out, is_resumed, lambda done, of: bar.show(done + 1, of + 1))
+        result = flight_results.run_flight(
+            config, out, is_resumed, lambda done, of: bar.show(done + 1, of + 1), record, overlays
+        )
     for remark in result.remarks:
         console.print(f"note: {remark}", soft_wrap=True)
     title = f"{config.trajectory} · {result.renderer} · seed {config.seed}"
@@ -122,6 +131,10 @@ def fly(
     ] = None,
     frames: Annotated[int | None, Option(help="Only so many frames, from the start. [default: all]")] = None,
     map: Annotated[str | None, Option(help="Scene whose markers are the map. [default: the one flown through]")] = None,
+    record: Annotated[
+        Path | None, Option(help="Recording too: .mcap (Foxglove, ROS 2) or .rrd (Rerun), truth beside estimate.")
+    ] = None,
+    overlays: Annotated[bool, Option("--overlays", help="Keep the drawing of each frame, in OUT/frames.")] = False,
     resume: Annotated[bool, Option("--resume", help="Keep the finished frames of an interrupted flight.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -135,7 +148,7 @@ def fly(
     config = FlightConfig(
         trajectory, scene, texture, drawn_by, seed, stretch, "joint", frames, map, samples, sensor, bake
     )
-    _fly(console, config, out, resume)
+    _fly(console, config, out, resume, record, overlays)
     print_path(console, out / "report.html")
 
 

@@ -17,7 +17,8 @@ from peakmark.cli.command import examples, print_error, resumable
 from peakmark.cli.identify_files import Identified, Sought, identify_images, key_of
 from peakmark.cli.locating import Locator, StampedPose, are_in_order, check_ending, write_poses
 from peakmark.cli.options import Quiet, UnusedSeed
-from peakmark.cli.sources import FailedFile, SourceImage, expanded, is_film, read_camera, read_sources
+from peakmark.cli.recording import recording_into
+from peakmark.cli.sources import FailedFile, SourceImage, expanded, image_count, read_camera, read_sources
 from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.errors import InputError, check_choice, one_line
 from peakmark.experiments.journal import Journal
@@ -26,6 +27,7 @@ from peakmark.found.tables import write_rows, writer_of
 from peakmark.maps.files import load_map
 from peakmark.markers.patterns import Polarity
 from peakmark.plain import from_plain
+from peakmark.recording.recorder import check_recording
 
 _MOST_SHOWN = 40
 """Rows of the table on the terminal; the file has all."""
@@ -38,7 +40,9 @@ _MOST_SHOWN = 40
 def identify(
     sources: Annotated[
         list[str] | None,
-        Argument(metavar="SOURCE…", help="Images, folders of images, films, patterns; - for a list of them on stdin."),
+        Argument(
+            metavar="SOURCE…", help="Images, folders, films, bags (MCAP, ROS), patterns; - for a list of them on stdin."
+        ),
     ] = None,
     out: Annotated[
         Path | None, Option(help="File for all rows: FOUND.csv, .jsonl or .parquet. [default: the terminal alone]")
@@ -56,6 +60,9 @@ def identify(
     poses: Annotated[
         Path | None, Option(help="File for poses: .tum (and all else in a CSV file beside it), .csv or .jsonl.")
     ] = None,
+    record: Annotated[
+        Path | None, Option(help="Recording of all that: .mcap (Foxglove, ROS 2) or .rrd (Rerun).")
+    ] = None,
     scale_bar_mm: Annotated[
         float | None, Option(help="What the sheet's scale bar measures, if the printer changed its size.")
     ] = None,
@@ -71,7 +78,7 @@ def identify(
     seed: UnusedSeed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Find markers and arrays in images, folders, films, or a camera's images.
+    """Find markers and arrays in images, folders, films, bags, or a camera's images.
 
     Prints what is in each image, and why an image has nothing; with --map also where the camera was. A file of rows has
     one row an array or marker: file, frame, kind, code, polarity, x, y, side_px, probability, sigma_px and four corners
@@ -80,7 +87,7 @@ def identify(
     """
     console = new_console(quiet)
     check_choice(polarity, (*get_args(Polarity), "both"), "--polarity")
-    for path, check in ((out, writer_of), (poses, check_ending)):
+    for path, check in ((out, writer_of), (poses, check_ending), (record, check_recording)):
         if path is not None:
             check(path)
     named = _sources(sources, camera, frames)
@@ -98,21 +105,23 @@ def identify(
     settings |= {"calibration": calibration, "map": map, "scale_bar_mm": scale_bar_mm, "scaled": scale_calibration}
     target = out if out is not None else poses
     journal = None if target is None else _journal(target, settings, is_resumed=camera is None)
-    total = None if camera is not None or any(Path(one).is_dir() or is_film(Path(one)) for one in named) else len(named)
+    total = None if camera is not None else image_count(named)
     summary = _Summary(console, len(named) == 1 and total is not None, locator)
     how = "the same command resumes" if journal is not None else "nothing was written; with --out it would resume"
     ended = resumable(how) if camera is None else suppress(KeyboardInterrupt)  # which is how a camera's run ends
     skip = None if len(named) == 1 and total is not None else fail
-    with ended, progress_bar(console, "identify", total) as bar:
+    with recording_into(record, locator) as add, ended, progress_bar(console, "identify", total) as bar:
         for each, identified in identify_images(images, cast(Sought, polarity), journal, overlay, locator, skip):
             summary.add(each, identified)
+            add(each, identified)
             bar.advance()
     summary.print(len(failures))
     if journal is not None:
         _write(console, summary, journal, out, poses)
         _forget(journal)
-    if overlay is not None:
-        print_path(console, overlay, "Drawings")
+    for written, what in ((overlay, "Drawings"), (record, "Recording")):
+        if written is not None:
+            print_path(console, written, what)
     if failures:
         raise Exit(1)
 

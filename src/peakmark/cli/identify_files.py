@@ -24,6 +24,7 @@ from peakmark.maps.locate import location_or_reason
 from peakmark.markers.array_code import THREE_BIT
 from peakmark.markers.patterns import Polarity
 from peakmark.plain import from_plain, to_plain
+from peakmark.recording.bag import split_topic
 from peakmark.report.film import film
 from peakmark.report.overlay import draw_found
 
@@ -117,7 +118,7 @@ def _identified(each: SourceImage, polarity: Sought, locator: Locator | None) ->
 
 def key_of(each: SourceImage) -> str:
     """Return the name of an image in the journal; a file that has changed since has another one."""
-    path = Path(each.file)
+    path, _ = split_topic(each.file)
     changed = path.stat().st_mtime_ns if path.exists() else 0
     return f"{each.file!r} {each.frame} {changed}"
 

@@ -11,7 +11,7 @@ from typer import Argument, Exit, Option
 
 from peakmark.cli.command import examples, print_error
 from peakmark.cli.options import Out, Quiet, UnusedSeed
-from peakmark.cli.sources import FailedFile, expanded, is_film, read_sources
+from peakmark.cli.sources import FailedFile, expanded, image_count, read_sources
 from peakmark.cli.terminal import new_console, print_path, print_table, progress_bar
 from peakmark.errors import InputError
 from peakmark.found.found import Found, find
@@ -27,7 +27,7 @@ from peakmark.report.results import result_folder, write_json
 )
 def map_arrays(
     sources: Annotated[
-        list[str], Argument(metavar="IMAGES…", help="Photographs of the arrays: files, folders, patterns or films.")
+        list[str], Argument(metavar="IMAGES…", help="Photographs of the arrays: files, folders, films, bags.")
     ],
     calibration: Annotated[str, Option(help="The camera: a file of OpenCV, ROS, Kalibr (FILE#cam0) or COLMAP.")],
     sheet: Annotated[str, Option(help="result.json of the sheet that the arrays were cut from.")],
@@ -74,7 +74,7 @@ def _read(console: Any, named: list[str], camera: Camera, layout: Any) -> tuple[
         failures.append(one)
         print_error(one.reason)
 
-    total = None if any(Path(one).is_dir() or is_film(Path(one)) for one in named) else len(named)
+    total = image_count(named)
     names, photographs = [], []
     with progress_bar(console, "find arrays", total) as bar:
         for each in read_sources(named, False, fail, partial(read_image, is_upright=False)):

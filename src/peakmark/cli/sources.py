@@ -1,4 +1,4 @@
-"""What commands read: images, folders of them, films, cameras; bad files are named and left out."""
+"""What commands read: images, folders of them, films, bags, cameras; bad files are named and left out."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +16,7 @@ from peaksim.image_file import read_image
 
 from peakmark.cli import film_file
 from peakmark.errors import ImageError, InputError
+from peakmark.recording.bag import is_bag, read_bag, split_topic
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp")
 """Name endings that count as images in a folder."""
@@ -61,10 +62,16 @@ def is_film(source: Path) -> bool:
     return source.suffix.lower() in film_file.ENDINGS
 
 
+def image_count(sources: Sequence[str]) -> int | None:
+    """Return how many images sources are; None where a folder, film or bag does not tell beforehand."""
+    is_known = not any(Path(one).is_dir() or is_film(Path(one)) or is_bag(one) for one in sources)
+    return len(sources) if is_known else None
+
+
 def read_images(
     source: Path, is_upright: bool = True, on_failure: OnFailure | None = None, read: ReadImage | None = None
 ) -> Iterator[SourceImage]:
-    """Yield an image, each image of a folder, or each frame of a film.
+    """Yield an image, each image of a folder, or each frame of a film or bag (BAG#TOPIC where it has several cameras).
 
     Images of a folder that cannot be read, and the early end of a film, go to `on_failure` where it is given. `read`
     reads an image instead of `read_image`.
@@ -75,7 +82,9 @@ def read_images(
         If there is nothing to read, two images of a folder share a name, or an image is damaged.
     """
     read = read or (lambda path: read_image(path, is_upright=is_upright))
-    if source.is_dir():
+    if is_bag(str(source)):
+        yield from _read_frames(source, split_topic(str(source))[0].stem, read_bag(str(source)), on_failure)
+    elif source.is_dir():
         for path in images_in(source):
             try:
                 if not path.is_file():
@@ -88,16 +97,18 @@ def read_images(
                 continue
             yield SourceImage(path.stem, str(path), None, None, image)
     elif is_film(source):
-        yield from _read_film(source, is_upright, on_failure)
+        yield from _read_frames(source, source.stem, film_file.read_timed_film(source, is_upright), on_failure)
     else:
         yield SourceImage(source.stem, str(source), None, None, read(source))
 
 
-def _read_film(source: Path, is_upright: bool, on_failure: OnFailure | None) -> Iterator[SourceImage]:
+def _read_frames(
+    source: Path, name: str, frames: Iterator[tuple[float, NDArray[Any]]], on_failure: OnFailure | None
+) -> Iterator[SourceImage]:
     index = -1
     try:
-        for index, (time_s, frame) in enumerate(film_file.read_timed_film(source, is_upright)):
-            yield SourceImage(f"{source.stem}_{index:06d}", str(source), index, time_s, frame)
+        for index, (time_s, frame) in enumerate(frames):
+            yield SourceImage(f"{name}_{index:06d}", str(source), index, time_s, frame)
     except ImageError as error:
         if on_failure is None or index < 0:
             raise

@@ -8,11 +8,13 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
 from peaksim.corpus.read import Corpus, open_corpus
 from peaksim.corpus.sample import Record, marker_outlines
 from PIL import Image
 
 from peakmark.errors import InputError
+from peakmark.recording.rerun_file import log_camera
 from peakmark.report.overlay import draw_circle, draw_outline, rgb_copy
 from peakmark.report.page import Section, Table, jpeg_uri, write_report
 from peakmark.report.results import result_folder
@@ -109,8 +111,6 @@ def save_recording(dest: str, frames: Sequence[int] | None, path: Path) -> None:
 
 
 def _log_frame(rr: Any, recording: Any, record: Record, image: NDArray[np.uint8]) -> None:
-    camera, pose = record["camera"], np.array(record["world_from_camera"])
-    matrix = [[camera["fx"], 0, camera["cx"] + 0.5], [0, camera["fy"], camera["cy"] + 0.5], [0, 0, 1]]
     points = [
         (xyz, xy, state, marker["name"])
         for marker in record["markers"]
@@ -118,9 +118,8 @@ def _log_frame(rr: Any, recording: Any, record: Record, image: NDArray[np.uint8]
     ]
     shown = [p for p in points if p[2]]
     recording.log("world/markers", rr.Points3D([p[0] for p in points], radii=0.005))
-    recording.log("world/camera", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
-    pinhole = rr.Pinhole(image_from_camera=matrix, width=camera["width"], height=camera["height"])
-    recording.log("world/camera/picture", pinhole)
+    camera = Camera(**{name: record["camera"][name] for name in ("width", "height", "fx", "fy", "cx", "cy")})
+    log_camera(rr, recording, camera, np.array(record["world_from_camera"]))
     recording.log("world/camera/picture", rr.Image(image))
     recording.log(
         "world/camera/picture/points",

@@ -112,6 +112,20 @@ def test_a_film_has_its_own_times(photographs: Path, identify: Run, tmp_path: Pa
     assert_near(written.world_from_camera[1], POSES[0], 4.0, 0.6)
 
 
+def test_a_recording_is_a_source(photographs: Path, identify: Run, tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    sources = [f"photo{number}.jpg" for number in range(2)]
+    assert identify(*sources, *KNOWN, "--record", tmp_path / "a.mcap").returncode == 0
+    done = identify(tmp_path / "a.mcap", *KNOWN, "--poses", tmp_path / "p.tum", "--overlay", tmp_path / "drawn")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "2 images: 6 markers, 2 arrays (codes 5 ×2), 2 poses" in done.stdout
+    written = load_trajectory(tmp_path / "p.tum")
+    assert written.times_s.tolist() == [0.0, 1.0]
+    for found, true in zip(written.world_from_camera, POSES, strict=False):
+        assert_near(found, true)
+    assert [path.name for path in (tmp_path / "drawn").iterdir()] == ["a.overlay.mp4"]
+
+
 def test_an_image_without_markers_says_why_there_is_no_pose(identify: Run) -> None:
     done = identify("none.jpg", *KNOWN)
     assert done.returncode == 0

@@ -1,5 +1,6 @@
 """Flies a flight and writes what it found: records, tables, poses, film, report.html and result.json."""
 
+import shutil
 from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256
@@ -17,39 +18,59 @@ from PIL import Image
 from peakmark.experiments.floor import flight_report
 from peakmark.experiments.floor.flight import Flight, FlightConfig, open_flight, render_view
 from peakmark.experiments.floor.flight_figures import FlightResult, summarise
+from peakmark.experiments.floor.flight_recording import record_flight
 from peakmark.experiments.floor.flight_records import FrameRecord, columns, record_of
 from peakmark.experiments.floor.flight_tracking import Flown, FlownFrame, distances, track_frames, true_distances
 from peakmark.experiments.journal import Journal, journal_key
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.plain import from_plain, to_plain
+from peakmark.recording.recorder import check_recording
 from peakmark.report import plots
 from peakmark.report.film import WIDTH_PX, film
 from peakmark.report.results import result_folder, write_json, write_rows
+
+FRAMES = "frames"
+"""Folder of the drawings of each frame, where they are asked for."""
 
 _QUALITY = 85
 """Of the JPEG images that become the film: their loss is small beside the film's own."""
 
 
 def run_flight(
-    config: FlightConfig, out: str | Path, is_resumed: bool = False, on_step: OnStep = lambda done, of: None
+    config: FlightConfig,
+    out: str | Path,
+    is_resumed: bool = False,
+    on_step: OnStep = lambda done, of: None,
+    record: Path | None = None,
+    overlays: bool = False,
 ) -> FlightResult:
     """Fly, write everything into `out`, and return what `result.json` holds.
 
     `on_step` is called with the numbers of finished and of all frames, when the flight is loaded and after each frame.
     An interrupted flight leaves a journal of its finished frames in `out`; with `is_resumed` only the others are done.
+    `record` gets a recording, for which each frame is rendered again, and `overlays` keeps the drawing of each frame
+    in `out`/frames.
 
     Raises
     ------
     InputError
         For a faulty configuration, scene, trajectory or folder, and where `out` holds frames of another flight.
     """
-    _, result, journal = fly_and_keep(config, out, is_resumed, on_step)
+    if record is not None:
+        check_recording(record)
+    flown, result, journal = fly_and_keep(config, out, is_resumed, on_step, overlays)
+    if record is not None:
+        record_flight(record, open_flight(config), flown)
     journal.remove()
     return result
 
 
 def fly_and_keep(
-    config: FlightConfig, out: str | Path, is_resumed: bool = False, on_step: OnStep = lambda done, of: None
+    config: FlightConfig,
+    out: str | Path,
+    is_resumed: bool = False,
+    on_step: OnStep = lambda done, of: None,
+    overlays: bool = False,
 ) -> tuple[Flown, FlightResult, Journal]:
     """Do as `run_flight`, but keep the journal, so that a flight that is finished need not be flown again."""
     flight = open_flight(config)
@@ -63,10 +84,20 @@ def fly_and_keep(
     result = summarise(flown, flight)
     if _WRITTEN not in journal.records:
         with result_folder(out) as folder:
-            _write(folder, flight, flown, result, [journal.file(f"{name}.jpg") for name in names])
+            images = [journal.file(f"{name}.jpg") for name in names]
+            if overlays:
+                _keep(images, folder / FRAMES)
+            _write(folder, flight, flown, result, images)
         journal.add(_WRITTEN, True)
         journal.remove_files()
     return flown, result, journal
+
+
+def _keep(images: Sequence[Path], folder: Path) -> None:
+    """Copy the drawings of all frames into a folder."""
+    folder.mkdir()
+    for path in images:
+        shutil.copyfile(path, folder / path.name)
 
 
 _WRITTEN = "results"

@@ -120,6 +120,21 @@ def test_a_flight_without_markers_in_view_gives_none_not_a_crash(ride: Path, tmp
     assert result.remarks == ["no marker was in view in any frame"]
 
 
+def test_on_request_a_recording_and_the_drawing_of_each_frame(ride: Path, tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    decoder, reader = pytest.importorskip("mcap_ros2.decoder"), pytest.importorskip("mcap.reader")
+    out, path = tmp_path / "out", tmp_path / "flight.mcap"
+    run_flight(FlightConfig(str(ride), frames=2), out, record=path, overlays=True)
+    assert sorted(each.name for each in (out / "frames").iterdir()) == ["000000.jpg", "000001.jpg"]
+    true = load_trajectory(out / "truth.tum").world_from_camera
+    with path.open("rb") as file:
+        messages = list(reader.make_reader(file, decoder_factories=[decoder.DecoderFactory()]).iter_decoded_messages())
+    told = [value.pose.position for _, channel, _, value in messages if channel.topic == "/pose_truth"]
+    assert np.allclose([(each.x, each.y, each.z) for each in told], true[:, :3, 3])
+    found = [value.pose.pose.position for _, channel, _, value in messages if channel.topic == "/pose"]
+    assert np.allclose([(each.x, each.y, each.z) for each in found], true[:, :3, 3], atol=0.02)
+
+
 def test_a_map_of_another_floor_is_reported(ride: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.toml"
     other.write_text(SCENE.replace("[0.25, 1.7], [-0.2, 2.6], [0.1, 3.6]", "[0.9, 1.1], [0.2, 2.2], [-0.9, 2.9]"))
