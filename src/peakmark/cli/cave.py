@@ -9,14 +9,15 @@ from typer import Option
 from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples, SensorName
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
-from peakmark.experiments.cave import fiducials, training, walk_results
+from peakmark.experiments.cave import fiducials, polarity, training, walk_results
 from peakmark.experiments.cave.dense_wall import compare_walls
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
 from peakmark.experiments.cave.evaluation_results import headline, write_evaluation
 from peakmark.experiments.cave.fiducials import compare_designs, conditions
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.training import TrainingConfig
-from peakmark.experiments.cave.walk import CaveConfig
+from peakmark.experiments.cave.walk import CaveConfig, CaveRule
+from peakmark.experiments.option import check_range
 
 
 @examples("peakmark cave --out out/cave", "peakmark cave --frames 40 --out out/walk")
@@ -31,6 +32,9 @@ def render_cave(
     frames: Annotated[
         int, Option(help="Frames of a walk through the room, each scored; more than 1 also makes a film.")
     ] = CaveConfig.frames,
+    rule: Annotated[
+        str, Option(help="robust, or paper: response and version-independent signature, then upright arrays.")
+    ] = CaveConfig.rule,
     quiet: Quiet = False,
 ) -> None:
     """Redo the paper's SIFT/SURF CAVE: render a room of posters, read its 3-bit marker arrays, score against truth.
@@ -38,7 +42,7 @@ def render_cave(
     Writes frame.png, overlay.png (Figure 13), response_vs_vis.png (Figure 14), polarity.png (Figure 15), report.html
     and result.json; with --frames also frames.csv and walk.mp4.
     """
-    config = CaveConfig(scene, cast(Renderer, renderer), seed, frames, samples, sensor, bake)
+    config = CaveConfig(scene, cast(Renderer, renderer), seed, frames, samples, sensor, bake, rule=cast(CaveRule, rule))
     console = new_console(quiet)
     with progress_bar(console, "render, detect, decode, score", frames + 1) as bar:
         result = walk_results.run_cave(config, out, bar.advance)
@@ -99,6 +103,28 @@ def train_classifier(
     with progress_bar(console, "render rooms", training_rooms + held_out_rooms) as bar:
         result = training.run_training(config, out, reuse, bar.advance)
     print_table(console, "evaluated on held-out rooms", training.HEAD, training.table_rows(result))
+    print_path(console, out / "report.html")
+
+
+@examples("python scripts/compare_polarity.py", "python scripts/compare_polarity.py --trials 25 --out out/polarity")
+def compare_polarity(
+    out: Out = Path("out/polarity"),
+    trials: Annotated[int, Option(help="Images of each polarity a condition.")] = 100,
+    seed: NoiseSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Tell dark from light markers by the Laplacian and by the signature, under conditions in which both fail.
+
+    Writes report.html and result.json.
+    """
+    check_range("trials", trials, 1)
+    check_range("seed", seed, 0)
+    console = new_console(quiet)
+    with progress_bar(console, "render, detect, tell", sum(map(len, polarity.CONDITIONS.values()))) as bar:
+        rows = polarity.compare_polarity(trials, seed, bar.advance)
+    polarity.write_polarity(rows, trials, seed, out)
+    table = polarity.polarity_table(rows)
+    print_table(console, f"dark or light · seed {seed}", table.head, table.rows)
     print_path(console, out / "report.html")
 
 

@@ -24,7 +24,7 @@ from peakmark.identification.stretch import Stretch, stretched, unstretched
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, Variant, check_pattern
+from peakmark.markers.patterns import Polarity, Variant
 from peakmark.refine.api import refine
 
 Rule = Literal["general", "joint", "paper"]
@@ -62,10 +62,13 @@ def identify(
         response and cuts at the largest drop (Section 4.2). Unless given, "general", and "joint" where anything but
         polarity and limit is given.
     polarity
-        Which markers to look for; "both" unless given, and "dark" by the narrower rules, which look for one.
+        Which markers to look for; "both" unless given, and "dark" by the narrower rules, which look for one. With the
+        rule "paper", "both" is the identification of the paper's CAVE: response and version-independent signature, then
+        the sign of the Laplacian.
     stretch
-        Vertical stretch before detection: about 1 / cos(tilt) of the surface that carries the markers; 2, the paper's,
-        unless given. `identification.stretch.floor_stretch` gives each row its own where the camera's pitch is known.
+        Vertical stretch before detection: about 1 / cos(tilt) of the surface that carries the markers; unless given 2,
+        the paper's on the floor, and 1 for both polarities, as on walls. `identification.stretch.floor_stretch` gives
+        each row its own where the camera's pitch is known.
     threshold
         Hessian threshold of the detector; 100 unless given.
     limit
@@ -78,9 +81,9 @@ def identify(
     Raises
     ------
     InputError
-        If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities or limits are asked for
-        with a narrower rule, a stretch, threshold or refinement with the general one, or the image is not one that
-        `surf.detect` takes.
+        If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities are asked for with the
+        rule "joint" or both limits with a narrower rule, a stretch, threshold or refinement with the general one, or
+        the image is not one that `surf.detect` takes.
     """
     narrowing = {"stretch": stretch, "threshold": threshold, "refine": refine}
     given = [name for name, value in narrowing.items() if value is not None]
@@ -92,9 +95,9 @@ def identify(
         polarities: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
         limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or "energy",)
         return detect_markers(gray, [Variant(*each) for each in product(polarities, limits)])
-    assert polarity != "both"
     assert limit != "both"
-    stretch = 2.0 if stretch is None else stretch
+    default = 1.0 if polarity == "both" else 2.0
+    stretch = default if stretch is None else stretch
     strongest = None if rule == "paper" else STRONGEST
     features = detect_stretched(gray, stretch, LOW_THRESHOLD if threshold is None else threshold, strongest)
     is_refined = refine is None or refine
@@ -107,8 +110,8 @@ def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -
     check_choice(limit, (*get_args(Limit), "both"), "limit")
     if rule == "general" and given:
         raise InputError(f'{given[0]}: expected none with rule "general", which searches everywhere')
-    if rule != "general" and polarity == "both":
-        raise InputError(f'polarity: expected dark or light with rule "{rule}", got "both"')
+    if rule == "joint" and polarity == "both":
+        raise InputError('polarity: expected dark or light with rule "joint", got "both"')
     if rule != "general" and limit == "both":
         raise InputError(f'limit: expected energy or range with rule "{rule}", got "both"')
 
@@ -134,7 +137,7 @@ def detect_stretched(
 def identify_features(
     gray: NDArray[np.uint8],
     features: Keypoints,
-    polarity: Polarity = "dark",
+    polarity: Polarity | Literal["both"] = "dark",
     rule: Narrower = "joint",
     stretch: Stretch = 2.0,
     limit: Limit = "energy",
@@ -142,30 +145,42 @@ def identify_features(
 ) -> Identification:
     """Return which of an image's features, strongest first and with descriptors, are markers; see `identify`."""
     check_choice(rule, get_args(Narrower), "rule")
-    check_pattern(polarity, limit)
+    _check_choices(rule, polarity, limit, ())
     assert features.descriptors is not None
-    distances = signature_distances(features.descriptors, polarity)
+    one = None if polarity == "both" else polarity
+    distances = signature_distances(features.descriptors, one)
     if rule == "paper":
-        rows = select_markers(features, distances, polarity)
-        detections = unrefined_detections(features, distances, polarity, rows)
+        rows = select_markers(features, distances, one)
+        detections = unrefined_detections(features, distances, one, rows)
         detections = refine_detections(gray, detections, limit) if refine else detections
     else:
-        detections = find_markers(gray, features, distances, stretch, polarity, limit)
+        assert one is not None
+        detections = find_markers(gray, features, distances, stretch, one, limit)
         if not refine:
             rows = np.array([detection.rank - 1 for detection in detections], dtype=np.intp)
-            detections = unrefined_detections(features, distances, polarity, rows)
+            detections = unrefined_detections(features, distances, one, rows)
     return Identification(features, distances, tuple(replace(found, limit=limit) for found in detections))
 
 
 def refine_detections(
     gray: NDArray[np.uint8], detections: tuple[Detection, ...], limit: Limit = "energy"
 ) -> tuple[Detection, ...]:
-    """Return detections of one polarity with refined centre, size and affinity, where the pattern can be aligned."""
+    """Return detections with refined centre, size and affinity, where the pattern can be aligned."""
     check_choice(limit, get_args(Limit), "limit")
+    refined: dict[int, Detection] = {}
+    for polarity in get_args(Polarity):
+        own = [k for k, detection in enumerate(detections) if (detection.polarity or "dark") == polarity]
+        refined.update(zip(own, _refined(gray, [detections[k] for k in own], polarity, limit), strict=True))
+    return tuple(refined[k] for k in range(len(detections)))
+
+
+def _refined(
+    gray: NDArray[np.uint8], detections: Sequence[Detection], polarity: Polarity, limit: Limit
+) -> tuple[Detection, ...]:
     if not detections:
         return ()
     sides = [SIDE_OF_SCALE * max(detection.size, 2.0) for detection in detections]
-    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(detections[0].polarity or "dark", limit))
+    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(polarity, limit))
     return tuple(
         replace(
             detection,

@@ -81,15 +81,19 @@ def is_polarity(features: Keypoints, polarity: Polarity) -> NDArray[np.bool_]:
 
 
 def unrefined_detections(
-    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity, rows: NDArray[np.intp]
+    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity | None, rows: NDArray[np.intp]
 ) -> tuple[Detection, ...]:
-    """Return features as detections, in the order given, with the positions and sizes that SURF tells."""
+    """Return features as detections, in the order given, with the positions and sizes that SURF tells.
+
+    Without a polarity the sign of each feature's Laplacian tells it.
+    """
+    is_dark = is_polarity(features, "dark")
     return tuple(
         Detection(
             id=number,
             xy=features.xy[row].astype(np.float64),
             size=float(features.scale[row]),
-            polarity=polarity,
+            polarity=polarity or ("dark" if is_dark[row] else "light"),
             response=float(features.response[row]),
             signature_distance=float(distances[row]),
             rank=int(row) + 1,

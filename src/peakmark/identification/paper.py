@@ -14,6 +14,10 @@ from peakmark.markers.patterns import Polarity
 SIGNATURE_LIMIT = 0.45
 """Signature distance up to which a feature can be a marker; markers tilted to 75° stay below 0.35."""
 
+VIS_LIMIT = 0.4
+"""The same for both polarities at once, of the version-independent signature: light markers on white paper are 0.24 off
+the reference already, see `signature.reference_descriptor`. Chosen by hand, on the training rooms."""
+
 SMALLEST_DROP = 1.3
 """Response ratio between features of neighbouring rank that counts as the drop from markers to clutter."""
 
@@ -21,11 +25,19 @@ RANKED = 1000
 """How many of the strongest features are searched for the drop."""
 
 
-def select_markers(features: Keypoints, distances: NDArray[np.float32], polarity: Polarity) -> NDArray[np.intp]:
-    """Return the rows of the markers among all features of an image, which come strongest first."""
+def select_markers(
+    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity | None = "dark"
+) -> NDArray[np.intp]:
+    """Return the rows of the markers among all features of an image, which come strongest first.
+
+    `distances` are those from the signature of a polarity, or of the version-independent one without: then dark and
+    light markers are found together, as in the paper's CAVE.
+    """
     ranked = features[:RANKED]
     kept = suppress_non_maxima(ranked.xy, ranked.scale, ranked.response, by_larger=False)
     kept = kept[: above_drop(features.response[kept])]
+    if polarity is None:
+        return kept[distances[kept] <= VIS_LIMIT]
     return kept[is_polarity(features, polarity)[kept] & (distances[kept] <= SIGNATURE_LIMIT)]
 
 

@@ -109,16 +109,32 @@ def reliability(
 
 
 def response_over_vis(
-    ax: Any, responses: NDArray[np.float32], distances: NDArray[np.float64], is_marker: NDArray[np.bool_]
+    ax: Any,
+    responses: NDArray[np.float32],
+    distances: NDArray[np.float64],
+    is_marker: NDArray[np.bool_],
+    is_taken: NDArray[np.bool_],
 ) -> None:
-    """Draw responses over distances from the version-independent signature (the paper's Figure 14)."""
-    other = {"s": 4, "color": CLUTTER_COLOUR, "marker": "o", "label": "other features"}
-    marker = {"s": 30, "color": MARKER_COLOUR, "marker": "D", "label": "markers"}
-    for chosen, style in ((~is_marker, other), (is_marker, marker)):
-        ax.scatter(distances[chosen], responses[chosen], linewidths=0, rasterized=True, **style)
+    """Draw responses over distances from the version-independent signature (the paper's Figure 14).
+
+    Of (n,) features, which lie at a marker's centre, and which identification took for markers.
+    """
+    other = {"s": 4, "color": CLUTTER_COLOUR, "marker": "o", "label": "other features", "linewidths": 0}
+    again = {"s": 24, "edgecolors": MARKER_COLOUR, "facecolors": "none", "marker": "D", "linewidths": 0.8}
+    marker = {"s": 30, "color": MARKER_COLOUR, "marker": "D", "label": "taken for markers", "linewidths": 0}
+    wrong = {**marker, "color": "#cf222e", "label": "wrongly taken"}
+    again["label"] = "also at a marker's centre: other octaves, parts"
+    for chosen, style in (
+        (~is_marker & ~is_taken, other),
+        (is_marker & ~is_taken, again),
+        (is_marker & is_taken, marker),
+        (~is_marker & is_taken, wrong),
+    ):
+        if chosen.any():
+            ax.scatter(distances[chosen], responses[chosen], rasterized=True, **style)
     ax.set(title="Detector response and version-independent signature", ylabel=_RESPONSE)
     ax.set(xlabel="distance from the version-independent signature", xlim=(0, None))
-    ax.set(yscale="log", ylim=(400, 2 * float(responses.max(initial=1e3))))
+    ax.set(yscale="log", ylim=(0.8 * float(responses.min(initial=500)), 2 * float(responses.max(initial=1e3))))
     ax.legend(frameon=False)
 
 

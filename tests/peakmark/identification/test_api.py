@@ -56,6 +56,20 @@ def test_light_and_dark_markers_on_white_paper_are_told_apart() -> None:
         assert np.allclose(found[0].xy, center, atol=0.05)
 
 
+@pytest.mark.parametrize("is_refined", [False, True])
+def test_the_papers_rule_finds_both_polarities_at_once_and_tells_them_by_the_laplacian(is_refined: bool) -> None:
+    image = floor_with_markers([(80, 90), (330, 100)])
+    image[267:334, 297:364] = np.pad(surf_marker(45, "light"), 11, constant_values=255)
+    found = identify(image, polarity="both", rule="paper", refine=is_refined)
+    told = sorted((d.polarity, *np.rint(d.xy).astype(int).tolist()) for d in found)
+    assert told == [("dark", 80, 90), ("dark", 330, 100), ("light", 330, 300)]
+    assert [d.id for d in found] == [0, 1, 2]
+    assert all((d.affinity is not None) == is_refined for d in found)
+    distances = {d.polarity: d.signature_distance for d in found}
+    assert distances["dark"] < 0.2 < distances["light"] < 0.4  # from the version-independent signature, on white paper
+    assert identify(np.full((300, 400), 77, np.uint8), polarity="both", rule="paper") == ()
+
+
 @both_rules
 def test_a_plain_image_has_no_markers(rule: Rule) -> None:
     assert identify(np.full((300, 400), 77, np.uint8), rule=rule) == ()

@@ -95,4 +95,4 @@ def test_what_is_no_image_is_refused_in_one_line() -> None:
     with pytest.raises(InputError, match="polarity: expected one of dark, light, both, got 'grey'"):
         identify(np.zeros((40, 40), np.uint8), polarity="grey")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="rule"):
-        identify(np.zeros((40, 40), np.uint8), polarity="both", rule="paper")
+        identify(np.zeros((40, 40), np.uint8), polarity="both", rule="joint")

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from time import perf_counter
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,13 @@ from peaksim.scene.scene import Scene
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
+from peakmark.experiments.option import check_choice
 from peakmark.experiments.scene_images import SceneImagesConfig
+from peakmark.identification.api import detect_stretched, identify_features
+from peakmark.identification.evidence import feature_evidence
 from peakmark.identification.search import SearchResult, detect_features, search_features
 from peakmark.keypoints.image import as_gray
+from peakmark.keypoints.keypoints import Keypoints
 from peakmark.localise.from_arrays import Place, pose_from_arrays
 from peakmark.localise.pose import PoseEstimate
 from peakmark.plain import INLINED
@@ -25,14 +30,23 @@ from peakmark.score.markers import Score, score_frame
 from peakmark.score.poses import pose_error
 from peakmark.score.wanted import READABLE
 
+CaveRule = Literal["robust", "paper"]
+
 
 @dataclass(frozen=True)
 class CaveConfig(SceneImagesConfig):
     """What to render."""
 
     scene: str = "cave"
+    rule: CaveRule = field(default="robust", kw_only=True)
+    """"robust" weighs each feature and reads arrays at any roll; "paper" is the paper's: response and
+    version-independent signature, then upright clusters."""
     renderer: Renderer = "exact"
     """"exact" is several times faster than OpenGL without a GPU here; "gl", "pyrender", "traced" or "auto"."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_choice("rule", self.rule, get_args(CaveRule))
 
 
 @dataclass(frozen=True)
@@ -46,7 +60,8 @@ class Reading:
     by_paper: tuple[MarkerArray, ...]
     """By the paper's rule, which takes the arrays for upright."""
     pose: PoseEstimate | None
-    """The camera's, from all arrays whose code is on the map; None without any."""
+    """The camera's, from all arrays whose code is on the map; None without any, and by the paper's rule, which does not
+    refine markers."""
     time_s: dict[str, float]
     """Seconds for "detect", "identify", "decode" and "localise"."""
 
@@ -168,25 +183,33 @@ def array_map(printed: Sequence[PrintedArray]) -> dict[int, Place]:
     return {array.code: array.place for array in printed if codes.count(array.code) == 1}
 
 
-def read_frame(frame: Frame, places: Mapping[int, Place]) -> Reading:
+def read_frame(frame: Frame, places: Mapping[int, Place], rule: CaveRule = "robust") -> Reading:
     """Find, decode and localise in one frame; only its image and camera are used."""
     gray, laps = as_gray(frame.image), [perf_counter()]
-    features = detect_features(gray)
+    features = detect_features(gray) if rule == "robust" else detect_stretched(gray, 1.0)
     laps.append(perf_counter())
-    found = search_features(gray, features)
+    found = search_features(gray, features) if rule == "robust" else search_by_paper(gray, features)
     laps.append(perf_counter())
-    arrays = decode_arrays(found.detections, image=gray)
+    by_paper = decode_arrays(found.detections, rule="paper")
+    arrays = decode_arrays(found.detections, image=gray) if rule == "robust" else by_paper
     laps.append(perf_counter())
-    pose = pose_from_arrays(frame.camera, arrays, places)
+    pose = pose_from_arrays(frame.camera, arrays, places) if rule == "robust" else None
     laps.append(perf_counter())
     times = dict(zip(("detect", "identify", "decode", "localise"), np.diff(laps).tolist(), strict=True))
-    return Reading(found, arrays, decode_arrays(found.detections, rule="paper"), pose, times)
+    return Reading(found, arrays, by_paper, pose, times)
 
 
-def score_view(index: int, frame: Frame, scene: Scene, render_s: float = 0.0) -> CaveView:
+def search_by_paper(gray: NDArray[np.uint8], features: Keypoints) -> SearchResult:
+    """Return which features are markers by the paper's rule, and the evidence on each; its score is the response."""
+    found = identify_features(gray, features, "both", "paper", 1.0, refine=False)
+    evidence = feature_evidence(gray, features)
+    return SearchResult(features, evidence, features.response.astype(np.float64), found.detections)
+
+
+def score_view(index: int, frame: Frame, scene: Scene, render_s: float = 0.0, rule: CaveRule = "robust") -> CaveView:
     """Read a frame and score it against truth."""
     printed = printed_arrays(scene)
-    reading = read_frame(frame, array_map(printed))
+    reading = read_frame(frame, array_map(printed), rule)
     camera, pose = frame.camera, frame.world_from_camera
     return CaveView(
         index=index,
@@ -206,7 +229,7 @@ def render_view(setup: Setup, config: CaveConfig, index: int, time_s: float) -> 
     seeds, path = (config.seed, index), setup.trajectory
     frame = render(setup.scene, setup.camera, path, config.renderer, time_s, config.samples, seeds, bake=config.bake)
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng(seeds))
-    return score_view(index, frame, setup.scene, perf_counter() - start)
+    return score_view(index, frame, setup.scene, perf_counter() - start, config.rule)
 
 
 def render_walk(setup: Setup, config: CaveConfig) -> Iterator[CaveView]:
@@ -222,9 +245,3 @@ def open_cave(config: CaveConfig) -> Setup:
     if not printed_arrays(setup.scene):
         raise InputError(f"--scene {config.scene}: expected posters with 3-bit arrays, found none")
     return setup
-
-
-def marker_rows(view: CaveView) -> NDArray[np.intp]:
-    """Return the rows of the features that belong to rightly found markers."""
-    found = view.reading.found.detections
-    return np.array(sorted(found[k].rank - 1 for k in view.markers.matches.values()), dtype=np.intp)

@@ -18,7 +18,6 @@ from peakmark.experiments.cave.walk import (
     CaveFrame,
     CaveView,
     Counts,
-    marker_rows,
     open_cave,
     render_walk,
     total,
@@ -131,14 +130,13 @@ def figures_of(view: CaveView) -> dict[str, Any]:
 
 
 def response_figure(view: CaveView) -> Any:
-    """Return Figure 14, without the second key points that overlapping octaves find at the markers."""
+    """Return Figure 14: every feature, those that lie at a marker's centre marked, whether taken for one or not."""
     figure, ax = plots.new_figure()
     found = view.reading.found
-    is_shown = ~at_markers(view.frame.truth, found.features)
-    is_marker = np.zeros(len(found.features), dtype=bool)
-    is_marker[marker_rows(view)] = True
-    is_shown |= is_marker
-    plots.response_over_vis(ax, found.features.response[is_shown], found.evidence[is_shown, 1], is_marker[is_shown])
+    is_taken = np.zeros(len(found.features), dtype=bool)
+    is_taken[[detection.rank - 1 for detection in found.detections]] = True
+    is_marker = at_markers(view.frame.truth, found.features)
+    plots.response_over_vis(ax, found.features.response, found.evidence[:, 1], is_marker, is_taken)
     return figure
 
 
