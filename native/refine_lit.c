@@ -12,6 +12,7 @@ static const double UNCLEAR = 0.012, RAMP_CENTER_SPREAD = 0.1, RAMP_SHAPE_SPREAD
 static const double WORTH = 25, LOST = 0.12, CORRELATED_SIDE = 12.0;
 static const double COVERED_NOISE = 6, COVERED_SHARE = 0.006, CUT_SIGMAS = 3, CUT_SHARE = 0.08, LEAST_SHARE = 0.4, LEFT = 0.15;
 static const double FIRST_CUT = 4;
+static const double RIM_BLUR = 0.03, WHITE_RIM = 3;
 
 static const patience LAST_FIT = {10, 1.0, 1e-2}, LONG_FIT = {25, 1.0, 1e-2};
 
@@ -210,11 +211,38 @@ EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width,
     return state;
 }
 
-/* The covariance (LIT, LIT) of an alignment in any light; nan where too few pixels tell. */
-EXPORT status lit_covariance(const uint8_t *gray, int64_t height, int64_t width, const double *theta, const double *center,
-                             double size, const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
-                             const double *base, int64_t base_count, double extent, double focal, double cut,
-                             double *covariance) {
+/* Whether so little blur is left that white paper just outside the pattern stays white. */
+static bool is_sharp(const double *theta) {
+    double side = sqrt(fabs(theta[2] * theta[5] - theta[3] * theta[4]));
+    double variance = greater(theta[10], 0) + sqrt(theta[16] * theta[16] + theta[17] * theta[17]);
+    return variance < RIM_BLUR * RIM_BLUR * side * side;
+}
+
+/* The last fit with the pattern's rim, which has a third of the edges; kept where paper is white around it. */
+static status fit_rim(model *m, picture crop, double rim, const prior *before, double *theta, pixels *chosen,
+                      memory *taken) {
+    pixels wider;
+    equations sums;
+    double extent = m->extent;
+    if (!is_sharp(theta)) return DONE;
+    m->extent = rim;
+    status state = read_pixels(m, crop, theta, PIXELS, taken, &wider);
+    m->extent = extent;
+    if (state != DONE) return state;
+    add_up(m, theta, chosen, before->used, &sums);
+    double noise = greater(sums.squares / greater(sums.weight - PLAIN, 1), 1);
+    fitted with_rim = fit(m, &wider, theta, before, LAST_FIT);
+    if (!with_rim.converged || !(with_rim.theta[8] > 0) || with_rim.noise > WHITE_RIM * noise) return DONE;
+    memcpy(theta, with_rim.theta, sizeof with_rim.theta);
+    *chosen = wider;
+    return DONE;
+}
+
+/* The last fit once more, with the rim, and its covariance (LIT, LIT), nan where too few pixels tell. */
+EXPORT status finish_in_light(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
+                              const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
+                              const double *base, int64_t base_count, double extent, double rim, double focal,
+                              double cut, double *theta, double *covariance) {
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent};
     if (!holds(&m) || intervals != line_count + 1) return TOO_LARGE;
@@ -222,22 +250,22 @@ EXPORT status lit_covariance(const uint8_t *gray, int64_t height, int64_t width,
     surroundings around;
     pixels chosen;
     equations sums;
-    double local[LIT];
     for (int k = 0; k < LIT * LIT; k++) covariance[k] = NAN;
     status state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
     if (state == DONE) {
-        memcpy(local, theta, sizeof local);
-        local[0] -= (double)around.left, local[1] -= (double)around.top;
+        theta[0] -= (double)around.left, theta[1] -= (double)around.top;
         set_anchor(&m, center[0] - (double)around.left, center[1] - (double)around.top, size);
-        state = read_pixels(&m, around.crop, local, PIXELS, &taken, &chosen);
+        state = read_pixels(&m, around.crop, theta, PIXELS, &taken, &chosen);
     }
     if (state == DONE && chosen.count >= MIN_PIXELS) {
         m.cut = cut;
         prior before = last_prior(theta, size, focal);
-        add_up(&m, local, &chosen, before.used, &sums);
+        state = fit_rim(&m, around.crop, rim, &before, theta, &chosen, &taken);
+        add_up(&m, theta, &chosen, before.used, &sums);
         double noise = greater(sums.squares / greater(sums.weight - PLAIN, 1), 1.0 / 12);
-        state = fill_sandwich(&m, &chosen, local, noise, before.precision, covariance, &taken);
+        if (state == DONE) state = fill_sandwich(&m, &chosen, theta, noise, before.precision, covariance, &taken);
     }
+    if (state == DONE) theta[0] += (double)around.left, theta[1] += (double)around.top;
     give_back(&taken);
     return state;
 }

@@ -13,12 +13,15 @@ from peakmark.markers.patterns import Variant, surf_cells
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
-from peakmark.refine.lit import PARAMETERS, LitFit, align_in_light, correlate_candidates, lit_covariance
+from peakmark.refine.lit import PARAMETERS, LitFit, align_in_light, correlate_candidates, finish_in_light
 from peakmark.refine.model import Pattern, predict
 
 HOPELESS = 0.05
 """Noise over gain² of the softened image, beyond its own, above which an alignment is given up: of markers
 that nothing covers it is below 0.01."""
+
+RIM = 0.55
+"""Half the side, in sides, of what the last fit takes in: paper is white for half a cell around the pattern."""
 
 CELLS = 11
 """Along each side: the pattern's nine, and one beyond on either side."""
@@ -143,13 +146,18 @@ def align_candidates(
     return Aligned(rows, xy[rows], sides_px[rows], theta, noise, step, ratio, cut, figures.reshape(-1, 8), *cells)
 
 
-def center_covariance(gray: NDArray[np.uint8], aligned: Aligned, row: int, variant: Variant) -> NDArray[np.float64]:
-    """Return the covariance (2, 2) of an alignment's centre, px²; rounding adds (0.003 px)² where there is no noise."""
+def finished(
+    gray: NDArray[np.uint8], aligned: Aligned, row: int, variant: Variant
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return an alignment's parameters (18,) after its last fit, with the pattern's rim, and its centre's covariance.
+
+    The covariance is (2, 2), px²; rounding adds (0.003 px)² where there is no noise.
+    """
     center, side_px = aligned.centers[row], float(aligned.sizes_px[row])
-    extra = (0.5, float(max(gray.shape)), float(aligned.cuts[row]))
-    covariance = lit_covariance(gray, aligned.theta[row], center, side_px, *lit_pattern(variant), *extra)[:2, :2]
+    extra = (0.5, RIM, float(max(gray.shape)), float(aligned.cuts[row]))
+    theta, covariance = finish_in_light(gray, aligned.theta[row], center, side_px, *lit_pattern(variant), *extra)
     is_rounded = aligned.noise[row] < DITHER**2
-    return np.asarray(covariance + is_rounded * FLOOR_PX**2 * np.eye(2))
+    return theta, np.asarray(covariance[:2, :2] + is_rounded * FLOOR_PX**2 * np.eye(2))
 
 
 def _is_near(fit: LitFit, xy: NDArray[np.float64], side_px: float) -> bool:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from peakmark.identification.alignment import (
     Aligned,
     align_candidates,
-    center_covariance,
     correlations,
+    finished,
     noise_sigma_of,
     together,
 )
@@ -175,14 +175,15 @@ def detect_markers(gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL)
 
 def _detection(gray: NDArray[np.uint8], found: Alignments, row: int, number: int, probability: float) -> Detection:
     """Return one alignment as a detection, upright."""
-    aligned, responses, theta = found.aligned, found.candidates.responses, found.aligned.theta[row]
+    aligned, responses = found.aligned, found.candidates.responses
+    theta, covariance = finished(gray, aligned, row, found.variants[row])
     affine = theta[2:6].reshape(2, 2)
     rotation = upright_rotation(affine[None])[0]
     unexplained = np.exp(-found.evidence[row, COLUMNS.index("unexplained")])
     return Detection(
         id=number,
         xy=theta[:2],
-        size=float(aligned.sides_px[row]),
+        size=float(np.sqrt(np.abs(np.linalg.det(affine)))),
         polarity=found.variants[row].polarity,
         limit=found.variants[row].limit,
         response=float(responses[row]),
@@ -192,5 +193,5 @@ def _detection(gray: NDArray[np.uint8], found: Alignments, row: int, number: int
         explained=float(1 - min(unexplained, 1.0)),
         probability=probability,
         perspective=rotation.T @ theta[6:8],
-        covariance=center_covariance(gray, aligned, row, found.variants[row]),
+        covariance=covariance,
     )

@@ -47,9 +47,9 @@ _correlate_candidates = function(
 )
 
 
-_lit_covariance = function(
-    "status lit_covariance(const u1[height,width] gray, const f8[18] theta, const f8[2] center, f8 size, "
-    f"{_GRID}, f8 extent, f8 focal, f8 cut, f8[18,18] covariance)"
+_finish_in_light = function(
+    f"status finish_in_light(const u1[height,width] gray, const f8[2] center, f8 size, {_GRID}, f8 extent, f8 rim, "
+    "f8 focal, f8 cut, f8[18] theta, f8[18,18] covariance)"
 )
 
 
@@ -155,7 +155,7 @@ def align_in_light(
     return LitFit(theta, *figures.tolist())
 
 
-def lit_covariance(
+def finish_in_light(
     gray: NDArray[np.uint8],
     theta: Values,
     center: Values,
@@ -164,13 +164,16 @@ def lit_covariance(
     index: NDArray[np.int64],
     base: Values,
     extent: float,
+    rim: float,
     focal: float,
     cut: float,
-) -> Values:
-    """Return the covariance (18, 18) of the parameters of `align_in_light`, by `refine.align.sandwich`.
+) -> tuple[Values, Values]:
+    """Return the parameters (18,) of `align_in_light` after a last fit, and their covariance (`refine.align.sandwich`).
 
-    Parameters that were not fitted have none, nearly; all is nan where the pixels are too few.
+    The last fit takes the pattern's rim, up to `rim` sides from the middle instead of `extent`, where blur leaves it
+    sharp and the paper around it is white; else nothing changes. Parameters that were not fitted have no variance,
+    nearly; the covariance (18, 18) is nan where the pixels are too few.
     """
-    covariance = np.empty((PARAMETERS, PARAMETERS))
-    _lit_covariance(gray, theta, center, size, lines, index, base, extent, focal, cut, covariance)
-    return covariance
+    theta, covariance = np.array(theta, dtype=np.float64), np.empty((PARAMETERS, PARAMETERS))
+    _finish_in_light(gray, center, size, lines, index, base, extent, rim, focal, cut, theta, covariance)
+    return theta, covariance

@@ -10,7 +10,7 @@ from peakmark.identification.alignment import _KNOTS, _SHIFTS, lit_pattern, lit_
 from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
-from peakmark.refine.lit import align_in_light, correlate_candidates, lit_covariance, lit_residuals
+from peakmark.refine.lit import align_in_light, correlate_candidates, finish_in_light, lit_residuals
 
 ODD = np.array([-np.inf, -1e300, -1e6, -40.0, -0.5, 0.0, 1e-300, 3.2, 17.0, 1e6, 1e300, np.inf, np.nan])
 
@@ -36,7 +36,7 @@ def test_alignments_of_anything_anywhere_come_back(seed: int) -> None:
     assert theta.shape == (11,)
     lit = align_in_light(image, center, size, *pattern, 0.5, 90.0, *template, shape_grid(), 2.0, 1.0)
     assert not np.isfinite(lit.step) or (np.isfinite(lit.theta).all() and lit.noise > 0)
-    covariance = lit_covariance(image, lit.theta, center, size, *pattern, 0.5, 90.0, lit.cut)
+    _, covariance = finish_in_light(image, lit.theta, center, size, *pattern, 0.5, 0.55, 90.0, lit.cut)
     assert covariance.shape == (18, 18)
     (score,) = correlate_candidates(image, center[None], np.array([size]), *template, shape_grid(), _SHIFTS)
     assert -1.001 <= score <= 1.001
