@@ -5,7 +5,10 @@
 # make wheels  dist/*.whl for Linux (x86-64, aarch64), macOS (arm64) and Windows (x86-64), all compiled here
 # make check   ruff and mypy              make regress    the detectors on two suites, beside the accepted figures
 # make docs    the site, into out/site
-# make bench   our SURF's time and memory against OpenCV's and mahotas's, as ratios, beside benchmarks/baseline.json
+# make bench   what users wait for beside tags' detectors and pyrender; SURF's time and memory against OpenCV's and mahotas's, as
+#              ratios, beside benchmarks/baseline.json
+# make bench-gate   this checkout's speed against that of the commit it branched from; fails where it is slower than noise
+# make compare markers and arrays beside tags, rings and corners in the same frames, into out/comparison
 # make parity  our key points against OpenCV's own, where cv2 was built with its SURF
 PYTHON := .venv/bin/python
 PYTEST := $(PYTHON) -m pytest -n auto --dist loadfile --max-worker-restart 0
@@ -13,7 +16,7 @@ READY := .venv/.ready
 TESTS_READY := .venv/.tests-ready
 NATIVE := sim/peaksim/_native/build.json
 
-.PHONY: floor native docs wheels test test-sanitize test-all check regress bench parity clean
+.PHONY: floor native docs wheels test test-sanitize test-all check regress bench bench-gate compare parity clean
 
 floor: $(READY) $(NATIVE)
 	$(PYTHON) scripts/render_floor.py --out out/floor
@@ -43,8 +46,16 @@ check: $(TESTS_READY)
 
 bench: $(READY) $(NATIVE)
 	$(PYTHON) -c 'import mahotas' 2>/dev/null || $(PYTHON) -m pip install --quiet --editable '.[bench]'
+	$(PYTHON) -c 'import locus, pupil_apriltags, ringgrid, chess_corners' 2>/dev/null || $(PYTHON) -m pip install --quiet --editable '.[compare]'
+	$(PYTHON) benchmarks/bench_whole.py
 	$(PYTHON) benchmarks/bench_surf.py
 	$(PYTHON) benchmarks/bench_render.py
+
+bench-gate: $(READY) $(NATIVE)
+	$(PYTHON) tools/bench_gate.py --base $(or $(BASE),main)
+
+compare: $(TESTS_READY) $(NATIVE)
+	$(PYTHON) -m peakmark.cli compare --workers 2 --out out/comparison
 
 parity: $(TESTS_READY) $(NATIVE)
 	PYTHONPATH=tests $(PYTHON) benchmarks/parity_surf.py

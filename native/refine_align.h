@@ -43,11 +43,10 @@ typedef struct {
 } prior;
 
 /* When a fit ends: after so many steps, or one shorter than √enough standard deviations; it has converged when one is
-   shorter than √converged. It also ends, without having converged, where its steps cannot bring the noise below a goal
-   above 0. */
+   shorter than √converged. */
 typedef struct {
     int64_t steps;
-    double converged, enough, goal;
+    double converged, enough;
 } patience;
 
 typedef struct {

@@ -32,7 +32,7 @@ JOBS = {
     "flights": ["scripts/evaluate_flights.py", "--first", "2", "--frames", "6"],
     "evaluate-cave": ["scripts/evaluate_cave.py", "--rooms", "2", "--views", "3", "--size", "0.5"],
     "dense-wall": ["scripts/dense_wall.py"],
-    "fiducials": ["scripts/compare_fiducials.py", "--trials", "2"],
+    "designs": ["scripts/compare_designs.py", "--quick"],
     "classifier": ["scripts/train_classifier.py", "--training-rooms", "2", "--held-out-rooms", "1", "--views", "1"],
     "detectability": ["scripts/detectability.py", "--trials", "2", "--every", "8"],
     "corpus": CORPUS,

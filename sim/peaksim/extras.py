@@ -18,7 +18,7 @@ EXTRAS = {
     "evo": "evo",
     "mcap": "ros",
     "pandas": "pandas",
-    "pupil_apriltags": "compare",
+    **dict.fromkeys(("chess_corners", "locus", "pupil_apriltags", "ringgrid"), "compare"),
     "pycolmap": "vlfeat",
     "rerun": "rerun",
     "rosbags": "ros",

@@ -24,6 +24,8 @@ PACKAGES |= {
     "sklearn": "scikit-learn",
     "rerun": "rerun-sdk",
     "pupil_apriltags": "pupil-apriltags",
+    "locus": "locus-tag",
+    "chess_corners": "chess-corners",
 }
 
 

@@ -14,7 +14,7 @@ COMMANDS = {
     "marker": ("peakmark.cli.marker:marker", "Write a print-ready sheet of markers."),
     "identify": (
         "peakmark.cli.identify:identify",
-        "Find markers and arrays in images, folders, films, or a camera's images.",
+        "Find markers and arrays in images, folders, films, bags, or a camera's images.",
     ),
     "calibrate": (
         "peakmark.cli.calibrate:calibrate_camera",
@@ -51,8 +51,8 @@ COMMANDS = {
         "Redo the experiments of Section 4.1 with intervals: scale, rotation, tilt, noise, blur, compression, light.",
     ),
     "compare": (
-        "peakmark.cli.cave:compare_fiducials",
-        "Compare markers and arrays with ArUco 4×4 and AprilTag 36h11 of the same printed side, on the same walls.",
+        "peakmark.cli.compare:compare_designs",
+        "Compare markers and arrays with AprilTag, ArUco, rings and corners of one printed area, in the same frames.",
     ),
     "corpus": ("peakmark.cli.corpus:app", "Annotated image sets of any size, rendered with exact truth."),
     "regress": ("peakmark.cli.regress:app", "A detector's figures on rendered fly-throughs, beside accepted ones."),

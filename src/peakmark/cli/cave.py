@@ -9,11 +9,10 @@ from typer import Option
 from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples, SensorName
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
-from peakmark.experiments.cave import fiducials, polarity, training, walk_results
+from peakmark.experiments.cave import polarity, training, walk_results
 from peakmark.experiments.cave.dense_wall import compare_walls
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
 from peakmark.experiments.cave.evaluation_results import headline, write_evaluation
-from peakmark.experiments.cave.fiducials import compare_designs, conditions
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.training import TrainingConfig
 from peakmark.experiments.cave.walk import CaveConfig, CaveRule
@@ -143,24 +142,4 @@ def dense_wall(
     title, table = compare_walls(scene, threshold, seed, out)
     console = new_console(quiet)
     print_table(console, title, table.head, table.rows)
-    print_path(console, out / "report.html")
-
-
-@examples("peakmark compare --out out/fiducials", "peakmark compare --trials 5 --out out/quick")
-def compare_fiducials(
-    out: Out = Path("out/fiducials"),
-    trials: Annotated[int, Option(help="Images a condition and design.")] = 25,
-    seed: Annotated[int, Option(help="Seed of walls, ids, cameras and noise.")] = 0,
-    quiet: Quiet = False,
-) -> None:
-    """Compare markers and arrays with ArUco 4×4 and AprilTag 36h11 of the same printed side, on the same walls.
-
-    Writes rates.png (detection over side, tilt, noise, blur and occlusion), report.html and result.json.
-    """
-    console = new_console(quiet)
-    with progress_bar(console, "render, detect, score", len(conditions())) as bar:
-        rows = compare_designs(trials, seed, bar.advance)
-    fiducials.write_comparison(rows, trials, seed, out)
-    title = f"right ids (wrong ones) of {trials} images each · seed {seed}"
-    print_table(console, title, fiducials.HEAD, fiducials.table_rows(rows))
     print_path(console, out / "report.html")

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from peakmark.errors import InputError
 
 REFINEMENT_WINDOW = 0.8
-"""Half the window of the sub-pixel corners, in modules of a tag. Over the conditions of `scripts/compare_fiducials.py`
-(8 trials each) the median corner is 0.19 px off for ArUco 4×4 and 0.23 px for AprilTag 36h11, the median centre 0.046
-and 0.049 px; OpenCV's window of 0.3 gives 0.31 and 0.45 px, 0.096 and 0.26 px, no refinement 0.69 and 0.66 px, 0.42
-and 0.46 px. All of them find the same tags."""
+"""Half the window of the sub-pixel corners, in modules of a tag. Over 36 conditions of size, tilt, noise, blur and
+cover (8 trials each) the median corner is 0.19 px off for ArUco 4×4 and 0.23 px for AprilTag 36h11, the median centre
+0.046 and 0.049 px; OpenCV's window of 0.3 gives 0.31 and 0.45 px, 0.096 and 0.26 px, no refinement 0.69 and 0.66 px,
+0.42 and 0.46 px. All of them find the same tags."""
 
 
 @dataclass(frozen=True)

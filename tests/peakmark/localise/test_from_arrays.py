@@ -13,9 +13,11 @@ from peaksim.rendering import render
 from peakmark import decode_arrays, identify
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
-from peakmark.experiments.cave.fiducials import CAMERA as VIEW
-from peakmark.experiments.cave.fiducials import SIDE_M as WALL_SIDE_M
-from peakmark.experiments.cave.fiducials import SheetCondition, centers_m, draw_sheet, random_pose, sheet_scene, width_m
+from peakmark.experiments.comparison.boards import CAMERA as VIEW
+from peakmark.experiments.comparison.boards import Print, random_pose
+from peakmark.experiments.comparison.frames import board_scene
+from peakmark.experiments.comparison.prints import ARRAY_SIDE
+from peakmark.experiments.comparison.prints import SIDE_M as SQUARE_M
 from peakmark.localise.from_arrays import Place, pose_from_arrays, rotated_to
 from peakmark.localise.pose import mirrored_pose
 from peakmark.markers.array_code import THREE_BIT
@@ -134,13 +136,12 @@ def test_certain_poses_of_one_array_are_never_the_mirrored_one() -> None:
     for index in range(60):
         rng = np.random.default_rng((78, index))
         side, tilt = float(np.exp(rng.uniform(np.log(18), np.log(80)))), float(rng.uniform(0, 60))
-        code, condition = int(rng.integers(8)), SheetCondition(side, tilt, float(rng.uniform(1, 6)), 0.7)
-        scene = sheet_scene(draw_sheet("SURF array", code), width_m("SURF array"), condition, rng)
-        truth = random_pose(condition, rng)
-        sensor = Sensor(condition.blur_px, exposure=0.7, read_noise=condition.noise)
+        code, sensor = int(rng.integers(8)), Sensor(0.7, exposure=0.7, read_noise=float(rng.uniform(1, 6)))
+        sheet = Print("array", code, 0.0, 0.0, 0.0)
+        scene, truth = board_scene((sheet,), rng, 0.0), random_pose(side / ARRAY_SIDE, tilt, rng)
         image = capture_image(render(scene, VIEW, truth, renderer="exact").linear, sensor, rng)
         arrays = decode_arrays(identify(image), image=image)
-        found = pose_from_arrays(VIEW, arrays, {code: Place(centers_m("SURF array"), AXES, WALL_SIDE_M)})
+        found = pose_from_arrays(VIEW, arrays, {code: Place(sheet.middles_m, AXES, ARRAY_SIDE * SQUARE_M)})
         if found is not None and found.is_certain:
             certain += 1
             assert pose_distance(found.fit.world_from_camera, truth)[1] < 1.5
