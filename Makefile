@@ -2,7 +2,9 @@
 # make test    the default tests          make test-all   the long ones too
 # make native  the kernels in C, where sources changed; the other targets do it too
 # make test-sanitize   the kernels' tests under address and undefined-behaviour sanitizers
+# make test-properties   the tests of properties, with many more examples than make test draws and other ones; SEEDS="1 2 3"
 # make wheels  dist/*.whl for Linux (x86-64, aarch64), macOS (arm64) and Windows (x86-64), all compiled here
+# make release   the source distribution and the wheels, checked, and tried in empty environments
 # make check   ruff and mypy              make regress    the detectors on two suites, beside the accepted figures
 # make docs    the site, into out/site
 # make bench   what users wait for beside tags' detectors and pyrender; SURF's time and memory against OpenCV's and mahotas's, as
@@ -16,7 +18,8 @@ READY := .venv/.ready
 TESTS_READY := .venv/.tests-ready
 NATIVE := sim/peaksim/_native/build.json
 
-.PHONY: floor native docs wheels test test-sanitize test-all check regress bench bench-gate compare parity clean
+.PHONY: floor native docs release wheels test test-properties test-sanitize test-all check regress bench bench-gate compare
+.PHONY: parity clean
 
 floor: $(READY) $(NATIVE)
 	$(PYTHON) scripts/render_floor.py --out out/floor
@@ -28,6 +31,13 @@ $(NATIVE): $(wildcard native/*.[ch]) tools/build_native.py | $(READY)
 
 test: $(TESTS_READY) $(NATIVE)
 	$(PYTEST)
+
+SEEDS := 1 2 3 4 5
+
+test-properties: $(TESTS_READY) $(NATIVE)
+	for seed in $(SEEDS); do \
+	  $(PYTEST) -m properties --hypothesis-profile properties --hypothesis-seed $$seed || exit; \
+	done
 
 test-all: $(TESTS_READY) $(NATIVE)
 	$(PYTEST) -m "slow or not slow"
@@ -79,6 +89,11 @@ wheels: $(READY)
 	for target in linux-x86_64 linux-aarch64 macos-arm64 windows-x86_64; do \
 	  PEAKMARK_TARGET=$$target $(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist . || exit; \
 	done
+
+release: $(READY)
+	$(PYTHON) -c 'import build, twine, check_wheel_contents' 2>/dev/null || \
+	  $(PYTHON) -m pip install --quiet --editable '.[release]'
+	$(PYTHON) tools/release.py
 
 clean:
 	rm -rf out build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,6 +1,7 @@
 """A wheel in an empty environment, away from the checkout: the core alone, then with an extra missing."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -64,6 +65,20 @@ def test_a_wheel_in_an_empty_environment_does_the_core_jobs(bin_folder: Path, tm
     assert len((tmp_path / "found.csv").read_text().splitlines()) > 10
     sheet = run(tmp_path, bin_folder / "peakmark", "marker", "surf", "--format", "pdf", "--out", "sheet")
     assert sheet.returncode == 0, sheet.stderr
+
+
+@pytest.mark.slow
+def test_its_types_are_read_by_mypy_and_pyright(bin_folder: Path, tmp_path: Path) -> None:
+    """`py.typed` is in the wheel: without it, both would take everything of the installed packages for unknown."""
+    shutil.copy(ROOT / "tests" / "public_types.py", tmp_path / "use.py")
+    python = bin_folder / "python"
+    mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable", python, "--config-file", os.devnull]
+    cache = ["--cache-dir", tmp_path / "cache", "--ignore-missing-imports"]
+    said = run(tmp_path, *mypy, *cache, "use.py")
+    assert said.returncode == 0, said.stdout
+    pytest.importorskip("basedpyright")  # pyright's engine with the node that it runs on, both in wheels
+    said = run(tmp_path, sys.executable, "-m", "basedpyright", "--level", "error", "--pythonpath", python, "use.py")
+    assert said.returncode == 0, said.stdout
 
 
 @pytest.mark.slow

@@ -95,7 +95,7 @@ class Camera:
 
         Raises
         ------
-        InputError
+        InputError, SceneError
             One line that names the file, what was expected and what came.
         """
         fields = read_calibration(path)
@@ -171,7 +171,15 @@ class Camera:
 def from_sensor(
     width: int, height: int, focal_mm: float, sensor_width_mm: float, *, distortion: tuple[float, ...] = ()
 ) -> Camera:
-    """Return a camera with square pixels and a centred principal point from lens and sensor data."""
+    """Return a camera with square pixels and a centred principal point from lens and sensor data.
+
+    Sizes are px, lengths mm; `distortion` is OpenCV's vector, none by default.
+
+    Raises
+    ------
+    SceneError
+        If a length is not positive.
+    """
     if not (focal_mm > 0 and sensor_width_mm > 0):
         raise SceneError(
             f"camera: expected positive millimetres, got focal_mm {focal_mm}, sensor_width_mm {sensor_width_mm}"

@@ -56,14 +56,14 @@ def compose(rotation: ArrayLike, translation_m: ArrayLike) -> Pose:
 
 
 def invert(pose: Pose) -> Pose:
-    """Return the inverse of a rigid transform, exactly by its transpose; `SceneError` if it is none."""
+    """Return the (4, 4) inverse of a rigid transform, exactly by its transpose; `SceneError` if it is none."""
     pose = rigid(pose)
     rotation_t = pose[:3, :3].T
     return compose(rotation_t, -rotation_t @ pose[:3, 3])
 
 
 def transform(pose: Pose, points: ArrayLike) -> NDArray[np.float64]:
-    """Return (..., 3) points mapped by a 4×4 transform."""
+    """Return (..., 3) points mapped by a (4, 4) transform."""
     return np.asarray(np.asarray(points, dtype=np.float64) @ pose[:3, :3].T + pose[:3, 3])
 
 

@@ -53,7 +53,7 @@ class Trajectory:
         return float(self.times_s[-1] - self.times_s[0])
 
     def at(self, time_s: float) -> Pose:
-        """Return `world_from_camera` at a time; before the start and after the end the camera stands still."""
+        """Return the (4, 4) `world_from_camera` at a time; before the start and after the end it stands still."""
         return np.asarray(self.poses_at([time_s])[0])
 
     def poses_at(self, times_s: ArrayLike) -> NDArray[np.float64]:
@@ -70,7 +70,13 @@ class Trajectory:
         return poses
 
     def frame_times_s(self, frames_per_second: float) -> NDArray[np.float64]:
-        """Return the times of all frames from the start to the end, both included where they fall on a frame."""
+        """Return the (n,) times of all frames from the start to the end, both included where they fall on a frame.
+
+        Raises
+        ------
+        SceneError
+            If the frame rate is not positive and finite.
+        """
         if not 0 < frames_per_second < np.inf:
             raise SceneError(f"trajectory: expected a positive frame rate, got {frames_per_second}")
         count = int(np.floor(self.duration_s * frames_per_second + 1e-9)) + 1

@@ -50,7 +50,7 @@ class Material:
         return self.reflectance == (0.0, 1.0) and self.curve == "linear"
 
     def levels(self, printed: ArrayLike) -> NDArray[Any]:
-        """Return what printed levels, 0…255, show in light of multiplier 1: as they are, or float32."""
+        """Return what printed levels (…), 0…255, show in light of multiplier 1: (…) as they are, or float32."""
         values = np.asarray(printed)
         if self.keeps_levels:
             return values
@@ -70,12 +70,12 @@ PRINT = Material()
 
 
 def srgb_from_linear(values: ArrayLike) -> NDArray[np.float64]:
-    """Return the sRGB values of linear shares, both 0…1 (IEC 61966-2-1)."""
+    """Return the (…) sRGB values of (…) linear shares, both 0…1 (IEC 61966-2-1)."""
     linear = np.asarray(values, dtype=np.float64)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)
 
 
 def linear_from_srgb(values: ArrayLike) -> NDArray[np.float64]:
-    """Return the linear shares of sRGB values, both 0…1 (IEC 61966-2-1)."""
+    """Return the (…) linear shares of (…) sRGB values, both 0…1 (IEC 61966-2-1)."""
     coded = np.asarray(values, dtype=np.float64)
     return np.where(coded <= 0.04045, coded / 12.92, ((np.maximum(coded, 0.0) + 0.055) / 1.055) ** 2.4)

@@ -104,7 +104,13 @@ class MarkerMap:
         )
 
     def scaled(self, factor: float) -> "MarkerMap":
-        """Return the map of prints that came out larger or smaller than they were meant."""
+        """Return the map of prints that came out larger or smaller than they were meant, by a factor of 0.5…2.
+
+        Raises
+        ------
+        InputError
+            If the factor is another.
+        """
         if not 0.5 <= factor <= 2:
             raise InputError(f"map: expected a scale of 0.5…2, got {factor:g}")
         return MarkerMap(

@@ -193,7 +193,7 @@ def _half_disc(t: NDArray[np.float64]) -> NDArray[np.float64]:
 def surf_texture(
     polarity: Polarity = "dark", limit: Limit = "energy", cell_px: int = 16, border_cells: int = 1
 ) -> NDArray[np.uint8]:
-    """Return a SURF marker with whole pixels a cell in a white border, side (9 + 2 border) · cell_px."""
+    """Return a SURF marker with whole pixels a cell in a white border: (side, side), side (9 + 2 border) · cell_px."""
     cells = np.pad(surf_cells(polarity, limit), border_cells, constant_values=255)
     return np.kron(cells, np.ones((cell_px, cell_px), dtype=np.uint8))
 
