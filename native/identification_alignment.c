@@ -185,13 +185,13 @@ static status read_bytes(const model *m, const uint8_t *gray, int64_t height, in
 
 EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t width, const double *theta,
                                 const double *center, double size, const double *lines, int64_t line_count,
-                                const int64_t *index, int64_t intervals, const double *base, int64_t base_count,
+                                const int64_t *index, int64_t rows, int64_t intervals, const double *base, int64_t base_count,
                                 double extent, const double *knots, int64_t knot_count, double cut, double *figures,
                                 double *sums, double *counts) {
-    if (line_count > MOST_LINES || base_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     if (knot_count > MOST_KNOTS) return TOO_LARGE;
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent, .anchor = {center[0], center[1], size}, .cut = cut};
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     memory taken = {.count = 0};
     pixels chosen;
     columns c;

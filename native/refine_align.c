@@ -296,7 +296,7 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
         if (length < limits.enough) break;
     }
     /* clean edges make every step from a perfect fit look wrong */
-    if (n == LIT && result.noise < PERFECT * result.theta[8] * result.theta[8]) result.converged = true;
+    if ((n == LIT || m->is_round) && result.noise < PERFECT * result.theta[8] * result.theta[8]) result.converged = true;
     return result;
 }
 
@@ -370,6 +370,7 @@ status fit_softly(model *m, const surroundings *around, const double *center, do
     set_light(soft, start);
     here.precision[0] = here.precision[1] = 1 / (CENTER_SPREAD * size * CENTER_SPREAD * size);
     for (int k = 2; k < 6; k++) here.precision[k] = 1 / (SHAPE_SPREAD * size * SHAPE_SPREAD * size);
+    hold_turn(m, &here);
     start[15] = before->mean[15];
     if (is_lit) here.precision[15] = 1 / (SOFT_TONE_SPREAD * SOFT_TONE_SPREAD);
     double expected = sigma * sigma * (is_large ? TWICE_SOFTENED : SOFTENED) / (double)(around->block * around->block);
@@ -378,7 +379,7 @@ status fit_softly(model *m, const surroundings *around, const double *center, do
     *ratio = INFINITY;
     for (int64_t part = 1; part <= 3; part += 2) {
         int64_t shape = best_shape(search, soft, center, size, 0, search->shape_count / part, &score);
-        for (int third = 0; third < 3 && !(is_lit && *ratio < CLEAR); third++) {
+        for (int third = 0; third < (m->is_round ? 1 : 3) && !(is_lit && *ratio < CLEAR); third++) {
             fitted result;
             set_shape(start, search->shapes + 4 * shape, size, third);
             status state = fit_start(m, soft, around->level, is_large ? 1.0 : 0.5, start, &here, &result);
@@ -445,6 +446,7 @@ static status align_plainly(model *m, const surroundings *around, const double *
                              (center[1] - (double)around->top - (block - 1) / 2) / block};
     prior before = {.precision = {[6] = precision, [7] = precision, [10] = HELD}};
     use_all(&before);
+    hold_turn(m, &before);
     status state = fit_softly(m, around, local, size / block, search, &before, 0, INFINITY, result, &ratio, taken);
     before.mean[10] = result->theta[10] = SHARP;
     if (state == DONE && around->block > 1)
@@ -456,19 +458,20 @@ static status align_plainly(model *m, const surroundings *around, const double *
     pixels chosen;
     state = read_pixels(m, around->crop, result->theta, PIXELS, taken, &chosen);
     if (state != DONE) return state;
-    *result = fit(m, &chosen, result->theta, &before, (patience){15, 1e-2, 1e-2});
+    /* a DoG's size, contrast and blur are hard to tell apart */
+    *result = fit(m, &chosen, result->theta, &before, m->is_round ? (patience){40, 1.0, 1e-2} : (patience){15, 1e-2, 1e-2});
     return result->converged ? fill_sandwich(m, &chosen, result->theta, result->noise, before.precision, covariance, taken)
                              : DONE;
 }
 
 EXPORT status align(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
-                    const double *lines, int64_t line_count, const double *levels, int64_t intervals, double extent,
+                    const double *lines, int64_t line_count, const double *levels, int64_t rows, int64_t intervals, double extent,
                     double focal, const double *samples, int64_t sample_count, const double *expected,
                     const double *shapes, int64_t shape_count, double *theta, double *covariance, double *noise,
                     bool *converged) {
-    if (line_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     memory taken = {.count = 0};
     model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels, .extent = extent};
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     coarse search;
     surroundings around;
     fitted result = {.length = INFINITY};
@@ -506,11 +509,11 @@ EXPORT status coarse_shape(const float *image, int64_t height, int64_t width, co
 }
 
 EXPORT status gauss_newton(const float *seen, int64_t n, const int32_t *xy, const double *start, const double *lines,
-                           int64_t line_count, const double *levels, int64_t intervals, const double *mean,
+                           int64_t line_count, const double *levels, int64_t rows, int64_t intervals, const double *mean,
                            const double *precision, int64_t steps, double done, double *theta, double *noise,
                            bool *converged) {
-    if (line_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels};
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     prior before = {.mean = {0}};
     memcpy(before.mean, mean, PLAIN * sizeof *mean);
     memcpy(before.precision, precision, PLAIN * sizeof *precision);
@@ -522,23 +525,23 @@ EXPORT status gauss_newton(const float *seen, int64_t n, const int32_t *xy, cons
 }
 
 EXPORT status sandwich(const float *seen, int64_t n, const int32_t *xy, const double *theta, const double *lines,
-                       int64_t line_count, const double *levels, int64_t intervals, double noise, const double *precision,
+                       int64_t line_count, const double *levels, int64_t rows, int64_t intervals, double noise, const double *precision,
                        double *covariance) {
-    if (line_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     memory taken = {.count = 0};
     model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels};
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     status state = fill_sandwich(&m, &(pixels){xy, seen, n}, theta, noise, precision, covariance, &taken);
     give_back(&taken);
     return state;
 }
 
 EXPORT status soft_fit(const float *image, int64_t height, int64_t width, const double *center, double size,
-                       const double *lines, int64_t line_count, const double *levels, int64_t intervals, double extent,
+                       const double *lines, int64_t line_count, const double *levels, int64_t rows, int64_t intervals, double extent,
                        const double *precision, const double *samples, int64_t sample_count, const double *expected,
                        const double *shapes, int64_t shape_count, double *theta) {
-    if (line_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
     memory taken = {.count = 0};
     model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels, .extent = extent};
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     picture level = {image, height, width};
     surroundings around = {level, level, softened_picture(level, &taken), 0, 0, 1};
     coarse search;

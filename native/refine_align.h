@@ -49,6 +49,14 @@ typedef struct {
     double converged, enough;
 } patience;
 
+static inline void hold(prior *before, int k) { before->precision[k] = HELD, before->mean[k] = 0, before->used[k] = false; }
+
+/* A round pattern looks the same however it is turned: a21 stays 0. A disc is an ellipse in any perspective: g stays 0. */
+static inline void hold_turn(const model *m, prior *before) {
+    if (m->is_round) hold(before, 4);
+    if (m->is_round && m->line_count == 2) hold(before, 6), hold(before, 7);
+}
+
 typedef struct {
     double theta[LIT];
     double noise;  /* mean square of the residuals */

@@ -26,8 +26,6 @@ static void set_anchor(model *m, double x, double y, double side) {
     m->anchor[0] = x, m->anchor[1] = y, m->anchor[2] = side;
 }
 
-static bool holds(const model *m) { return m->line_count <= MOST_LINES && m->base_count <= MOST_LINES; }
-
 /* Keep a fit with more parameters where it is worth them: its log likelihood is larger by WORTH. */
 static void keep_better(const pixels *chosen, const fitted *richer, fitted *result) {
     double gain = (double)chosen->count / 2 * (same_log(result->noise) - same_log(greater(richer->noise, 1e-12)));
@@ -102,7 +100,7 @@ static void fit_light(model *m, const pixels *chosen, double size, double sigma,
 }
 
 /* The prior of a last fit, of the parameters that it has: planes and motion that are 0 were not kept. */
-static prior last_prior(const double *theta, double size, double focal) {
+static prior last_prior(const model *m, const double *theta, double size, double focal) {
     double bent = per_square(size / focal), motion = per_square(MOTION_SPREAD * size * MOTION_SPREAD * size);
     prior before = {.mean = {[10] = SHARP, [15] = TONE},
                     .precision = {[6] = bent, [7] = bent, [10] = per_square(BLUR_SPREAD), per_square(GAIN_SPREAD),
@@ -110,6 +108,7 @@ static prior last_prior(const double *theta, double size, double focal) {
                                   per_square(TONE_SPREAD), motion, motion}};
     for (int k = 11; k < LIT; k++)
         if (theta[k] == 0) before.precision[k] = HELD;
+    hold_turn(m, &before);
     use_free(&before);
     return before;
 }
@@ -124,7 +123,7 @@ static status fit_image(model *m, picture crop, double size, double focal, doubl
     if (!(result->length < 1)) return DONE;
     state = read_pixels(m, crop, result->theta, PIXELS, taken, &all);
     if (state != DONE || all.count < part.count * 3 / 2) return state;
-    prior last = last_prior(result->theta, size, focal);
+    prior last = last_prior(m, result->theta, size, focal);
     m->cut = *cut;
     fitted polished = fit(m, &all, result->theta, &last, (patience){6, 1.0, 1e-2});
     m->cut = 0;
@@ -146,6 +145,7 @@ static status find_ramp(model *m, const surroundings *around, const double *cent
     memcpy(here.mean, start, sizeof start);
     here.precision[0] = here.precision[1] = per_square(RAMP_CENTER_SPREAD * size);
     for (int k = 2; k < 6; k++) here.precision[k] = per_square(RAMP_SHAPE_SPREAD * size);
+    hold_turn(m, &here);
     free_planes(&here);
     status state = fit_picture(m, around->soft, start, RAMP_PIXELS, &here, LONG_FIT, &lit);
     *has_ramp = state == DONE && lit.noise > 0 && lit.theta[8] > 0 &&
@@ -164,6 +164,7 @@ static status align_lit(model *m, const surroundings *around, const double *cent
     prior before = {.mean = {[15] = TONE},
                     .precision = {[6] = precision, [7] = precision, [10] = HELD, HELD, HELD, HELD, HELD,
                                   per_square(TONE_SPREAD), HELD, HELD}};
+    hold_turn(m, &before);
     use_free(&before);
     set_anchor(m, local[0], local[1], size / block);
     status state = fit_softly(m, around, local, size / block, search, &before, sigma, hopeless, result, ratio, taken);
@@ -184,13 +185,13 @@ static status align_lit(model *m, const surroundings *around, const double *cent
 }
 
 EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
-                             const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
+                             const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
                              const double *base, int64_t base_count, double extent, double focal, const double *samples,
                              int64_t sample_count, const double *expected, const double *shapes, int64_t shape_count,
                              double sigma, double hopeless, double *theta, double *figures) {
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent};
-    if (!holds(&m) || intervals != line_count + 1) return TOO_LARGE;
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     memory taken = {.count = 0};
     coarse search;
     surroundings around;
@@ -224,7 +225,7 @@ static status fit_rim(model *m, picture crop, double rim, const prior *before, d
     pixels wider;
     equations sums;
     double extent = m->extent;
-    if (!is_sharp(theta)) return DONE;
+    if (rim <= extent || !is_sharp(theta)) return DONE;
     m->extent = rim;
     status state = read_pixels(m, crop, theta, PIXELS, taken, &wider);
     m->extent = extent;
@@ -240,12 +241,12 @@ static status fit_rim(model *m, picture crop, double rim, const prior *before, d
 
 /* The last fit once more, with the rim, and its covariance (LIT, LIT), nan where too few pixels tell. */
 EXPORT status finish_in_light(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
-                              const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
+                              const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
                               const double *base, int64_t base_count, double extent, double rim, double focal,
                               double cut, double *theta, double *covariance) {
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent};
-    if (!holds(&m) || intervals != line_count + 1) return TOO_LARGE;
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     memory taken = {.count = 0};
     surroundings around;
     pixels chosen;
@@ -259,7 +260,7 @@ EXPORT status finish_in_light(const uint8_t *gray, int64_t height, int64_t width
     }
     if (state == DONE && chosen.count >= MIN_PIXELS) {
         m.cut = cut;
-        prior before = last_prior(theta, size, focal);
+        prior before = last_prior(&m, theta, size, focal);
         state = fit_rim(&m, around.crop, rim, &before, theta, &chosen, &taken);
         add_up(&m, theta, &chosen, before.used, &sums);
         double noise = greater(sums.squares / greater(sums.weight - PLAIN, 1), 1.0 / 12);
@@ -271,12 +272,12 @@ EXPORT status finish_in_light(const uint8_t *gray, int64_t height, int64_t width
 }
 
 EXPORT status lit_fit(const float *seen, int64_t n, const int32_t *xy, const double *start, const double *anchor,
-                      const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
+                      const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
                       const double *base, int64_t base_count, const double *mean, const double *precision,
                       int64_t steps, double enough, double *theta, double *noise, bool *converged) {
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .anchor = {anchor[0], anchor[1], anchor[2]}};
-    if (!holds(&m) || intervals != line_count + 1) return TOO_LARGE;
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     prior before;
     memcpy(before.mean, mean, sizeof before.mean);
     memcpy(before.precision, precision, sizeof before.precision);

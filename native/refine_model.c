@@ -65,10 +65,32 @@ static inline eight_views view8(const double *theta, float8 x, float8 y) {
     return (eight_views){u, v, w, scale * b22, back * b12, back * b21, scale * b11};
 }
 
+/* A round pattern's radius where eight pixels look, and its gradient in the image and across it. */
+typedef struct {
+    float8 radius, x, y, p, q;
+} radial_views;
+
+static inline radial_views radial8(float8 u, float8 v, float8 ux, float8 uy, float8 vx, float8 vy) {
+    float8 radius = root8(u * u + v * v), tiny = all8(1e-9f);
+    float8 inverse = all8(1) / choose8(radius > tiny, radius, all8(1));
+    u = choose8(radius > tiny, u * inverse, all8(1)), v *= inverse;
+    return (radial_views){radius, u * ux + v * vx, u * uy + v * vy, u * vx - v * ux, u * vy - v * uy};
+}
+
+static lanes8 rate_round8(const model *m, const eight_views *at, float reach) {
+    radial_views radial = radial8(at->u, at->v, at->ux, at->uy, at->vx, at->vy);
+    float8 own = all8(reach) * root8(radial.x * radial.x + radial.y * radial.y);
+    lanes8 is_inside = (at->w > all8((float)MIN_DEPTH)) & (radial.radius <= all8((float)m->extent) - own), is_near = {0};
+    for (int64_t k = 0; k < m->line_count; k++)
+        is_near |= absolute8(radial.radius - all8((float)m->lines[k])) < own * all8(1.4f);
+    return (lanes8){0} - is_inside - (is_inside & is_near);
+}
+
 /* Whether each of eight pixels of a row is inside the extent: 0 no, 1 yes, 2 yes and within reach of a line. */
 static lanes8 rate8(const model *m, const double *theta, float reach, int64_t left, int64_t y) {
     static const float8 steps = {0, 1, 2, 3, 4, 5, 6, 7};
     eight_views at = view8(theta, all8((float)((double)left - theta[0])) + steps, all8((float)((double)y - theta[1])));
+    if (m->is_round) return rate_round8(m, &at, reach);
     float8 reach_u = all8(reach) * root8(at.ux * at.ux + at.uy * at.uy), u = absolute8(at.u);
     float8 reach_v = all8(reach) * root8(at.vx * at.vx + at.vy * at.vy), v = absolute8(at.v), extent = all8((float)m->extent);
     lanes8 is_inside = (at.w > all8((float)MIN_DEPTH)) & (u <= extent - reach_u) & (v <= extent - reach_v), is_near = {0};
@@ -129,12 +151,24 @@ EXPORT int64_t select_pixels(const double *theta, const double *lines, int64_t l
     return select_from(&m, theta, height, width, stride, xy, near);
 }
 
+/* The changes of slope at the radii of levels that are linear between them, and level before the first and beyond the last. */
+static void fill_bends(const model *m, const float *levels, float *bends) {
+    double before = 0;
+    for (int64_t k = 0; m->is_round && k < m->line_count; k++) {
+        bool is_last = k == m->line_count - 1;
+        double slope = is_last ? 0 : ((double)levels[k + 1] - levels[k]) / (m->lines[k + 1] - m->lines[k]);
+        bends[k] = (float)(slope - before);
+        before = slope;
+    }
+}
+
 /* How the printed levels show, under the tone exponent with derivatives by its logarithm; in single precision, with the lines. */
 void prepare(model *m, const double *theta) {
-    int64_t cells = (m->line_count + 1) * (m->line_count + 1);
+    int64_t cells = m->is_round ? m->line_count : (m->line_count + 1) * (m->line_count + 1);
     for (int64_t k = 0; k < m->line_count; k++) m->own_lines[k] = (float)m->lines[k];
     if (m->parameters == PLAIN) {
         for (int64_t k = 0; k < cells; k++) m->shown[k] = (float)m->levels[k];
+        fill_bends(m, m->shown, m->bends);
         return;
     }
     double exponent = same_exp(theta[15]), shown[MOST_LINES + 1], slopes[MOST_LINES + 1];
@@ -147,6 +181,8 @@ void prepare(model *m, const double *theta) {
         m->shown[k] = (float)shown[m->index[k]];
         m->tones[k] = (float)slopes[m->index[k]];
     }
+    fill_bends(m, m->shown, m->bends);
+    fill_bends(m, m->tones, m->tone_bends);
 }
 
 /* Pixels of a tile, as columns: along either axis of the pattern the box, the Gaussian, and how far they reach. */
@@ -235,13 +271,16 @@ static void fill_shares(const model *m, float8 u, const axis_columns *axis, int6
     shares->last = k;
 }
 
-/* What eight pixels see of the pattern, 0…1, with derivatives by u and v, twice by each, and by the tone. */
+/* What eight pixels see of the pattern, 0…1, with derivatives by x and y in the image, twice by each and by both, as blur
+   along them acts, and by the tone. */
 typedef struct {
-    float8 level, by_u, by_v, by_uu, by_vv, by_tone;
+    float8 level, by_x, by_y, by_xx, by_yy, by_xy, by_tone;
 } sight;
 
-static sight look(const model *m, const share_table *across, const share_table *down) {
-    sight seen = {all8(0), all8(0), all8(0), all8(0), all8(0), all8(0)};
+static sight look(const model *m, const view_columns *views, int64_t i, const share_table *across, const share_table *down) {
+    sight seen = {all8(0), all8(0), all8(0), all8(0), all8(0), all8(0), all8(0)};
+    float8 by_u = all8(0), by_v = all8(0), by_uu = all8(0), by_vv = all8(0);
+    float8 ux = load8(views->ux + i), uy = load8(views->uy + i), vx = load8(views->vx + i), vy = load8(views->vy + i);
     for (int64_t row = down->first; row <= down->last; row++) {
         const float *levels = m->shown + row * (m->line_count + 1), *tones = m->tones + row * (m->line_count + 1);
         float8 value = all8(0), slope = all8(0), bend = all8(0), tone = all8(0);
@@ -250,11 +289,59 @@ static sight look(const model *m, const share_table *across, const share_table *
             value += level * across->value[k], slope += level * across->slope[k], bend += level * across->bend[k];
             if (m->parameters == LIT) tone += all8(tones[k]) * across->value[k];
         }
-        seen.level += down->value[row] * value, seen.by_v += down->slope[row] * value, seen.by_vv += down->bend[row] * value;
-        seen.by_u += down->value[row] * slope, seen.by_uu += down->value[row] * bend;
+        seen.level += down->value[row] * value, by_v += down->slope[row] * value, by_vv += down->bend[row] * value;
+        by_u += down->value[row] * slope, by_uu += down->value[row] * bend;
         seen.by_tone += down->value[row] * tone;
     }
+    seen.by_x = by_u * ux + by_v * vx, seen.by_y = by_u * uy + by_v * vy;
+    seen.by_xx = by_uu * ux * ux + by_vv * vx * vx, seen.by_yy = by_uu * uy * uy + by_vv * vy * vy;
+    seen.by_xy = by_uu * ux * uy + by_vv * vx * vy;
     return seen;
+}
+
+/* What ramps that begin at the radii show under a Gaussian at a distance from the centre: level, slope, bend, and by tone. */
+typedef struct {
+    float8 level, slope, bend, tone;
+} profile;
+
+static void add_ramps(const model *m, float8 radius, float8 sigma, float8 sign, profile *sums) {
+    float8 per_sigma = all8(1) / sigma, reach = all8(REACH);
+    float highest = most8(radius + reach * sigma), lowest = least8(radius - reach * sigma);
+    int64_t k = 0;
+    for (; k < m->line_count && m->own_lines[k] < lowest; k++) { /* past it all eight */
+        float8 t = radius - all8(m->own_lines[k]);
+        sums->level += all8(m->bends[k]) * t, sums->slope += sign * all8(m->bends[k]);
+        if (m->parameters == LIT) sums->tone += all8(m->tone_bends[k]) * t;
+    }
+    for (; k < m->line_count && m->own_lines[k] < highest; k++) {
+        float8 t = radius - all8(m->own_lines[k]), z = t * per_sigma, density = density8(z), step = normal8(z, density);
+        lanes8 is_seen = absolute8(z) < reach, is_past = t > all8(0);
+        float8 value = choose8(is_seen, t * step + sigma * density, only8(is_past, t));
+        step = choose8(is_seen, step, only8(is_past, all8(1)));
+        sums->level += all8(m->bends[k]) * value, sums->slope += sign * all8(m->bends[k]) * step;
+        sums->bend += all8(m->bends[k]) * only8(is_seen, density * per_sigma);
+        if (m->parameters == LIT) sums->tone += all8(m->tone_bends[k]) * value;
+    }
+}
+
+/* What eight pixels see of a round pattern: its profile along the radius, under the blur along it, a pixel's square with
+   it. Blur across the radius makes it longer: right where the profile is a parabola, and to first order at an edge. */
+static sight look_round(const model *m, const double *theta, const view_columns *views, int64_t i) {
+    const bool is_lit = m->parameters == LIT;
+    const float8 d = all8(is_lit ? (float)theta[16] : 0), e = all8(is_lit ? 2 * (float)theta[17] : 0), tiny = all8(1e-12f);
+    const float8 blur = all8((float)(PIXEL_VARIANCE + greater(theta[10], is_lit ? MIN_BLUR : 0)));
+    radial_views radial = radial8(load8(views->u + i), load8(views->v + i), load8(views->ux + i), load8(views->uy + i),
+                                  load8(views->vx + i), load8(views->vy + i));
+    float8 own = radial.radius, x = radial.x, y = radial.y, p = radial.p, q = radial.q;
+    float8 along = blur * (x * x + y * y) + d * (x * x - y * y) + e * x * y;
+    float8 across = blur * (p * p + q * q) + d * (p * p - q * q) + e * p * q;
+    float8 sigma = root8(choose8(along > tiny, along, tiny)), radius = root8(own * own + choose8(across > tiny, across, tiny));
+    profile sums = {all8(m->shown[0]), all8(0), all8(0), all8(is_lit ? m->tones[0] : 0)};
+    add_ramps(m, radius, sigma, all8(1), &sums);
+    add_ramps(m, all8(0) - radius, sigma, all8(-1), &sums);
+    float8 wider = sums.slope / radius, outwards = wider * own;
+    return (sight){sums.level, outwards * x, outwards * y, sums.bend * x * x + wider * p * p, sums.bend * y * y + wider * q * q,
+                   sums.bend * x * y + wider * p * q, sums.tone};
 }
 
 /* Write the residuals of eight pixels, and the derivatives of their predictions; those by A and g leave out how they change
@@ -273,13 +360,10 @@ static void compare(const model *m, const double *theta, const view_columns *vie
     else is_white &= is_before & ~is_before;
     store8(rows[m->parameters] + i, choose8(is_before, level - value, only8(~is_white, all8(255))));
     /* (px, py) is the prediction's gradient in the image; ∂prediction/∂θ = −(px, py)·∂x/∂θ at fixed u */
-    float8 ux = load8(views->ux + i), uy = load8(views->uy + i), vx = load8(views->vx + i), vy = load8(views->vy + i);
-    float8 shown = gain * light, px = shown * (seen->by_u * ux + seen->by_v * vx), py = shown * (seen->by_u * uy + seen->by_v * vy);
+    float8 shown = gain * light, px = shown * seen->by_x, py = shown * seen->by_y;
     float8 along = px * load8(views->x + i) + py * load8(views->y + i), per_w = all8(1) / load8(views->w + i);
     float8 u = load8(views->u + i) * per_w, v = load8(views->v + i) * per_w, zero = all8(0);
-    /* a pixel's blur along x, along y and between them, as each axis of the pattern has it */
-    float8 half = all8(0.5f) * shown, xx = seen->by_uu * ux * ux + seen->by_vv * vx * vx;
-    float8 yy = seen->by_uu * uy * uy + seen->by_vv * vy * vy, xy = seen->by_uu * ux * uy + seen->by_vv * vx * vy;
+    float8 half = all8(0.5f) * shown, xx = seen->by_xx, yy = seen->by_yy, xy = seen->by_xy;
     const float8 by[LIT] = {zero - px, zero - py, zero - px * u, zero - px * v, zero - py * u, zero - py * v, along * u, along * v,
                             lit, all8(1), half * (xx + yy), gain * p * seen->level, gain * q * seen->level, gain * p, gain * q,
                             shown * seen->by_tone, half * (xx - yy), all8(2) * half * xy};
@@ -297,9 +381,14 @@ int64_t compare_tile(const model *m, const double *theta, const int32_t *xy, con
     memcpy(padded, levels, (size_t)count * sizeof *levels);
     fill_views(m, theta, xy, count, n, &views);
     for (int64_t i = 0; i < n; i += 8) {
-        fill_shares(m, load8(views.u + i), &views.across, i, &across);
-        fill_shares(m, load8(views.v + i), &views.down, i, &down);
-        sight seen = look(m, &across, &down);
+        sight seen;
+        if (m->is_round) {
+            seen = look_round(m, theta, &views, i);
+        } else {
+            fill_shares(m, load8(views.u + i), &views.across, i, &across);
+            fill_shares(m, load8(views.v + i), &views.down, i, &down);
+            seen = look(m, &views, i, &across, &down);
+        }
         compare(m, theta, &views, i, &seen, load8(padded + i), rows);
     }
     for (int64_t k = 0; count < n && k <= m->parameters; k++) memset(rows[k] + count, 0, (size_t)(n - count) * sizeof rows[k][0]);
@@ -387,19 +476,20 @@ void compare_all(model *m, const double *theta, const pixels *chosen, double *r,
 }
 
 EXPORT status residuals(const float *seen, int64_t n, const int32_t *xy, const double *theta, const double *lines,
-                        int64_t line_count, const double *levels, int64_t intervals, double *r, double *jacobian) {
-    if (line_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
+                        int64_t line_count, const double *levels, int64_t rows, int64_t intervals, double *r,
+                        double *jacobian) {
     model m = {.parameters = PLAIN, .lines = lines, .line_count = line_count, .levels = levels};
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     compare_all(&m, theta, &(pixels){xy, seen, n}, r, jacobian);
     return DONE;
 }
 
 EXPORT status lit_residuals(const float *seen, int64_t n, const int32_t *xy, const double *theta, const double *anchor,
-                            const double *lines, int64_t line_count, const int64_t *index, int64_t intervals,
-                            const double *base, int64_t base_count, double *r, double *jacobian) {
-    if (line_count > MOST_LINES || base_count > MOST_LINES || intervals != line_count + 1) return TOO_LARGE;
+                            const double *lines, int64_t line_count, const int64_t *index, int64_t rows,
+                            int64_t intervals, const double *base, int64_t base_count, double *r, double *jacobian) {
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .anchor = {anchor[0], anchor[1], anchor[2]}};
+    if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
     compare_all(&m, theta, &(pixels){xy, seen, n}, r, jacobian);
     return DONE;
 }

@@ -9,13 +9,15 @@
 enum {
     PLAIN = 11,      /* parameters of a pattern in even light */
     LIT = 18,        /* and those of one in any light */
-    MOST_LINES = 16, /* of a pattern */
+    MOST_LINES = 32, /* of a pattern, or radii of a round one */
     TILE = 64,       /* pixels that are compared at a time */
 };
 
-/* A pattern and how it is seen; `prepare` fills the levels in for given parameters. */
+/* A pattern and how it is seen; `prepare` fills the levels in for given parameters. A round one has the levels at its
+   lines, which are radii, and is linear in between: its levels and index are (1, n). */
 typedef struct {
     int64_t parameters;   /* PLAIN or LIT */
+    bool is_round;
     const double *lines;  /* (n,) rising, sides */
     int64_t line_count;
     double extent;        /* half the side of what is compared, sides */
@@ -28,7 +30,15 @@ typedef struct {
     float own_lines[MOST_LINES];                       /* the lines in single precision */
     float shown[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* the levels, under the tone exponent */
     float tones[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* and their derivatives by its logarithm; LIT only */
+    float bends[MOST_LINES], tone_bends[MOST_LINES];  /* changes of slope at the radii, of both; round only */
 } model;
+
+/* Whether levels (rows, intervals) belong to so many lines, and there is room for them; tells round patterns. */
+static inline bool set_grid(model *m, int64_t rows, int64_t intervals) {
+    int64_t n = m->line_count;
+    m->is_round = rows == 1 && intervals == n;
+    return n >= 1 && n <= MOST_LINES && m->base_count <= MOST_LINES && (m->is_round || (rows == intervals && intervals == n + 1));
+}
 
 /* An image of grey levels. */
 typedef struct {

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, sift_marker, surf_marker
-from peakmark.markers.sheet import SIFT_SIDE_IN_SIGMA, Print
+from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, Polarity, sift_marker, surf_marker
+from peakmark.markers.sheet import Print
 
 MARKERS = Path(__file__).resolve().parent.parent / "assets" / "markers"
 SIDE_PX = 144

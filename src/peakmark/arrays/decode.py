@@ -113,7 +113,7 @@ def decode_arrays(
     responses = np.array([d.response for d in found])
     chosen = suppress_non_maxima(seen.xy, seen.sizes, responses, by_larger=False, like_size=LIKE_SIZE)
     found = tuple(found[i] for i in chosen)
-    markers = MarkerShapes(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen])
+    markers = MarkerShapes(seen.xy[chosen], seen.shapes[chosen], seen.is_measured[chosen], seen.is_round)
     if image is None:
         return _decode(found, markers, layout, image_size, None)
     return _decode_seen(found, markers, layout, as_gray(image))
@@ -122,8 +122,13 @@ def decode_arrays(
 def _decode_seen(
     found: Sequence[Detection], markers: MarkerShapes, layout: Layout, gray: NDArray[np.uint8]
 ) -> tuple[MarkerArray, ...]:
-    """Return the arrays of an image, with members that the search missed, and pairs that lack a third marker."""
+    """Return the arrays of an image, with members that the search missed, and pairs that lack a third marker.
+
+    Members are looked for, and pairs told, among SURF's markers alone: it takes the rotation that they show.
+    """
     size, around = (gray.shape[1], gray.shape[0]), set(range(len(found)))
+    if markers.is_round:
+        return _decode(found, markers, layout, size, gray)
     for _ in range(_ROUNDS):
         arrays = _decode(found, markers, layout, size, gray)
         read = [array.detections for array in arrays if array.code is not None]
@@ -160,7 +165,9 @@ def _shapes_of(found: Sequence[Detection], affinity: ArrayLike | None) -> Marker
     if measured.shape != shapes.shape:
         raise InputError(f"affinity: expected {shapes.shape}, got {measured.shape}")
     known = np.isfinite(measured).all(axis=(1, 2)) & (np.linalg.det(np.nan_to_num(measured)) > 1e-6)
-    return MarkerShapes(xy, np.where(known[:, None, None], measured, shapes), known)
+    return MarkerShapes(
+        xy, np.where(known[:, None, None], measured, shapes), known, any(d.made_for != "surf" for d in found)
+    )
 
 
 @dataclass(frozen=True)

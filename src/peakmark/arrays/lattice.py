@@ -37,6 +37,9 @@ look like any other. The area allows for the errors of a scale, and for perspect
 BY_SHAPE = Limits(area=1.2, anisotropy=1.5, rotation_deg=15.0, plain_anisotropy=1.0)
 """Where refined markers tell their shapes: what is left allows for perspective across an array and for noise."""
 
+BY_ROUND_SHAPE = Limits(area=1.2, anisotropy=1.5, rotation_deg=45.0, plain_anisotropy=1.0)
+"""Where the shapes are those of round markers, which tell tilt but no rotation."""
+
 SIZE_RATIO = 1.5
 """Markers of one array differ less in size: perspective across a near array, and the errors of a scale."""
 
@@ -63,6 +66,8 @@ class MarkerShapes:
     """(n, 2, 2) px per side of the pattern, up to a rotation in the marker's plane."""
     is_measured: NDArray[np.bool_]
     """(n,) whether the shape was measured; otherwise it is a size times the identity."""
+    is_round: bool = False
+    """Whether some are round, so that their rotation in the plane is unknown."""
 
     @cached_property
     def sizes(self) -> Points:
@@ -72,7 +77,9 @@ class MarkerShapes:
     @cached_property
     def limits(self) -> Limits:
         """How precisely squares are known."""
-        return BY_SHAPE if self.is_measured.all() else BY_SIZE
+        if not self.is_measured.all():
+            return BY_SIZE
+        return BY_ROUND_SHAPE if self.is_round else BY_SHAPE
 
 
 @dataclass(frozen=True)

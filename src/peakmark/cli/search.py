@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from typer import Option
 
@@ -12,26 +12,31 @@ from peakmark.cli.terminal import FIGURES, new_console, print_path, print_table,
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.search.sweeps import SweepConfig, run_sweeps
 from peakmark.experiments.search.training import SearchTrainingConfig, collect_evidence, result_rows, train, write_model
+from peakmark.identification.families import FAMILIES
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Made
 from peakmark.report.results import result_folder, write_json
 
 
 @examples(
     "python scripts/train_search.py --workers 2",
-    "python scripts/train_search.py --images 24 --empty 12 --out out/quick",
+    "python scripts/train_search.py --detector sift --images 24 --empty 12 --out out/quick",
 )
 def train_search(
     out: Out = Path("out/search"),
     images: Annotated[int, Option(help="Random images with markers.")] = SearchTrainingConfig.images,
     empty: Annotated[int, Option(help="Images without any.")] = SearchTrainingConfig.empty,
     seed: Annotated[int, Option(help="Seed of the images.")] = SearchTrainingConfig.seed,
+    detector: Annotated[str, Option(help="surf or sift: that the markers are made for.")] = "surf",
     workers: Annotated[int, Option(help="Processes.")] = 1,
     quiet: Quiet = False,
 ) -> None:
-    """Train the decision of identify(image): what is a marker, from alignments in random light and in photographs.
+    """Train the decision of identify(image): what is a marker, from alignments in random light and photographs.
 
-    Writes general.json (which ships in peakmark.identification) and result.json; an interrupted run resumes.
+    Writes general.json or sift.json (which ship in peakmark.identification), and result.json. An interrupted run
+    resumes.
     """
-    config = SearchTrainingConfig(images, empty, seed)
+    config = SearchTrainingConfig(images, empty, seed, cast(Made, detector))
     console = new_console(quiet)
     journal = Journal.open(out, asdict(config))
     with resumable(), progress_bar(console, "render, align") as bar:
@@ -39,7 +44,7 @@ def train_search(
     model = train(evidence, config)
     write_model(out, model)
     print_table(console, f"{images} + {empty} images · seed {seed}", FIGURES, result_rows(model))
-    print_path(console, out / "general.json", "Model")
+    print_path(console, out / FAMILIES[config.made_for].model, "Model")
 
 
 @examples(
@@ -49,6 +54,8 @@ def evaluate_search(
     out: Out = Path("out/reach"),
     markers: Annotated[int, Option(help="Markers in each cell.")] = SweepConfig.markers,
     seed: Annotated[int, Option(help="Seed of phases, rotations and noise.")] = SweepConfig.seed,
+    detector: Annotated[str, Option(help="surf or sift: that the markers are made for.")] = "surf",
+    limit: Annotated[str, Option(help="energy or range, the binary pattern: for sift a disc.")] = "energy",
     workers: Annotated[int, Option(help="Processes.")] = 1,
     quiet: Quiet = False,
 ) -> None:
@@ -56,7 +63,7 @@ def evaluate_search(
 
     Writes result.json, with a 95 % interval each; an interrupted run resumes.
     """
-    config = SweepConfig(markers, seed)
+    config = SweepConfig(markers, seed, cast(Made, detector), cast(Limit, limit))
     console = new_console(quiet)
     journal = Journal.open(out, asdict(config))
     with resumable(), progress_bar(console, "draw, identify") as bar:

@@ -1,6 +1,6 @@
 """One image's markers and arrays in one value: `find`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -37,19 +37,24 @@ class Found:
         return data_frame(self.rows())
 
 
-def find(image: ArrayLike, polarity: Polarity | Literal["both"] = "both", layout: Layout = THREE_BIT) -> Found:
+def find(
+    image: ArrayLike,
+    polarity: Polarity | Literal["both"] = "both",
+    layout: Layout = THREE_BIT,
+    detector: str | Sequence[str] = "surf",
+) -> Found:
     """Return the markers of an image and the arrays among them: `identify`, then `decode_arrays`.
 
     `image` is grey or RGB, see `as_gray`; a single polarity forms no arrays but those of that polarity alone. `layout`
-    is that of the printed arrays.
+    is that of the printed arrays. `detector` says for whose markers to look, see `identify`.
 
     Raises
     ------
     InputError
-        If the polarity is unknown, or the image is none.
+        If the polarity or the detector is unknown, or the image is none.
     """
     gray = as_gray(image)
-    return found_in(gray, identify(gray, polarity=polarity), layout)
+    return found_in(gray, identify(gray, polarity=polarity, detector=detector), layout)
 
 
 def found_in(image: ArrayLike, markers: Iterable[Detection], layout: Layout = THREE_BIT) -> Found:

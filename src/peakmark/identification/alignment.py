@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from peaksim.native import function
 
 from peakmark.markers.patterns import Variant, surf_cells
+from peakmark.markers.profile import sift_profile
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
 from peakmark.refine.lit import PARAMETERS, LitFit, align_in_light, correlate_candidates, finish_in_light
 from peakmark.refine.model import Pattern, predict
+from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
 
 HOPELESS = 0.05
 """Noise over gain² of the softened image, beyond its own, above which an alignment is given up: of markers
@@ -35,7 +37,7 @@ _TEMPLATE_PX, _TEMPLATE_BLUR, _TEMPLATE_TONE = 1000.0, 0.05, 1.4
 
 _measure_alignment = function(
     "status measure_alignment(const u1[height,width] gray, const f8[18] theta, const f8[2] center, f8 size, "
-    "const f8[line_count] lines, const i8[intervals,intervals] index, const f8[base_count] base, f8 extent, "
+    "const f8[line_count] lines, const i8[rows,intervals] index, const f8[base_count] base, f8 extent, "
     "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts)"
 )
 
@@ -83,10 +85,31 @@ def together(parts: Sequence[Aligned]) -> Aligned:
     return Aligned(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Aligned)))
 
 
+def span_of(variant: Variant) -> float:
+    """Return the side of what is aligned over the side of the marker."""
+    return 1.0 if variant.made_for == "surf" else ROUND_SPAN
+
+
+def extent_of(variant: Variant) -> float:
+    """Return up to where an image is compared, in units from the centre."""
+    return 0.5 if variant.made_for == "surf" else ROUND_EXTENT
+
+
+def start_of(variant: Variant) -> float:
+    """Return the side from which an alignment starts, over the candidate's: a disc's key point is √2 larger."""
+    return span_of(variant) / (sqrt(2) if variant.made_for == "sift" and variant.limit == "range" else 1.0)
+
+
 @cache
 def lit_pattern(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return a marker's lines (k,), the index (k + 1, k + 1) of each cell's level, and the levels, rising."""
-    framed = np.pad(surf_cells(*variant), 1, constant_values=255)
+    """Return a marker's lines (k,), the index (k + 1, k + 1) of each cell's level, and the levels, rising.
+
+    Of a round one the lines are the radii at which it has the levels, and the index is (1, k).
+    """
+    if variant.made_for == "sift":
+        radii, levels = sift_profile(variant.polarity, variant.limit)
+        return radii / ROUND_SPAN, np.arange(len(levels))[None], levels
+    framed = np.pad(surf_cells(variant.polarity, variant.limit), 1, constant_values=255)
     starts = np.flatnonzero(np.r_[True, (framed[1:] != framed[:-1]).any(axis=1)])
     cells = framed[np.ix_(starts, starts)]
     levels = np.unique(cells)
@@ -96,6 +119,10 @@ def lit_pattern(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.int64
 @cache
 def lit_template(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points (m, 2) over the pattern and its softened levels there, of mean 0 and length 1."""
+    if variant.made_for == "sift":
+        radii, _, shown = lit_pattern(variant)
+        samples, values = round_template(radii, shown**_TEMPLATE_TONE)
+        return samples, values / np.linalg.norm(values)
     line = (np.arange(9) - 4) / 9 * 0.95
     samples = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     unit = np.zeros(11)
@@ -106,6 +133,11 @@ def lit_template(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.floa
     return samples, values / np.linalg.norm(values)
 
 
+def shapes_of(variant: Variant) -> NDArray[np.float64]:
+    """Return the shapes (k, 2, 2) that a coarse search tries."""
+    return shape_grid() if variant.made_for == "surf" else round_shape_grid()
+
+
 def correlations(
     gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], variant: Variant
 ) -> NDArray[np.float64]:
@@ -113,7 +145,9 @@ def correlations(
     samples, template = lit_template(variant)
     chunks = np.array_split(np.arange(len(xy)), max(1, min(8, len(xy))))
     parts = map_parallel(
-        lambda rows: correlate_candidates(gray, xy[rows], sides_px[rows], samples, template, shape_grid(), _SHIFTS),
+        lambda rows: correlate_candidates(
+            gray, xy[rows], sides_px[rows], samples, template, shapes_of(variant), _SHIFTS
+        ),
         chunks,
     )
     return np.concatenate([np.empty(0), *parts])
@@ -124,13 +158,14 @@ def align_candidates(
 ) -> Aligned:
     """Align candidates with one of the markers in an image of noise σ; those that are none are left out."""
     pattern, template, focal = lit_pattern(variant), lit_template(variant), float(max(gray.shape))
+    shapes, extent = shapes_of(variant), extent_of(variant)
 
     def align(k: int) -> tuple[LitFit, tuple[NDArray[np.float64], ...]] | None:
         center, side_px = xy[k], float(sides_px[k])
-        fit = align_in_light(gray, center, side_px, *pattern, 0.5, focal, *template, shape_grid(), sigma, HOPELESS)
+        fit = align_in_light(gray, center, side_px, *pattern, extent, focal, *template, shapes, sigma, HOPELESS)
         if not _is_near(fit, center, side_px):
             return None
-        measured = measure_alignment(gray, fit.theta, center, side_px, *pattern, 0.5, _KNOTS, fit.cut)
+        measured = measure_alignment(gray, fit.theta, center, side_px, *pattern, extent, _KNOTS, fit.cut)
         return (fit, measured) if measured[0][0] else None
 
     found = map_parallel(align, range(len(xy)))
@@ -154,7 +189,9 @@ def finished(
     The covariance is (2, 2), px²; rounding adds (0.003 px)² where there is no noise.
     """
     center, side_px = aligned.centers[row], float(aligned.sizes_px[row])
-    extra = (0.5, RIM, float(max(gray.shape)), float(aligned.cuts[row]))
+    extent = extent_of(variant)
+    rim = RIM if variant.made_for == "surf" else extent
+    extra = (extent, rim, float(max(gray.shape)), float(aligned.cuts[row]))
     theta, covariance = finish_in_light(gray, aligned.theta[row], center, side_px, *lit_pattern(variant), *extra)
     is_rounded = aligned.noise[row] < DITHER**2
     return theta, np.asarray(covariance[:2, :2] + is_rounded * FLOOR_PX**2 * np.eye(2))

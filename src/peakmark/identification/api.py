@@ -16,6 +16,7 @@ from peakmark.identification.detection import (
     pattern_name,
     unrefined_detections,
 )
+from peakmark.identification.families import SOURCES
 from peakmark.identification.general import detect_markers
 from peakmark.identification.paper import select_markers
 from peakmark.identification.search import PAD_SHARE, detect_to_the_border, find_markers, inside
@@ -46,6 +47,7 @@ def identify(
     rule: Rule | None = None,
     limit: Limit | Literal["both"] | None = None,
     refine: bool | None = None,
+    detector: str | Sequence[str] = "surf",
 ) -> tuple[Detection, ...]:
     """Return the markers in an image, strongest first; none is an empty tuple.
 
@@ -77,24 +79,30 @@ def identify(
     refine
         Align the printed pattern with the image (`peakmark.refine`): centres to hundredths of a pixel, and the
         affinity. True unless given; False leaves positions and sizes as SURF tells them.
+    detector
+        For whose markers to look: "surf", "sift", "vlfeat", VLFeat's SIFT (needs pycolmap), or several of them, such as
+        ("surf", "sift"). `Detection.kind` says which marker was found; other than SURF's only the general rule finds.
+        SIFT's markers are round: their affinity is that without a rotation, and with limit "range" they are discs.
 
     Raises
     ------
     InputError
-        If the stretch is not in 0.25…8, polarity, rule or limit is unknown, both polarities are asked for with the
-        rule "joint" or both limits with a narrower rule, a stretch, threshold or refinement with the general one, or
-        the image is not one that `surf.detect` takes.
+        If the stretch is not in 0.25…8, polarity, rule, limit or detector is unknown, both polarities are asked for
+        with the rule "joint" or both limits or another detector with a narrower rule, a stretch, threshold or
+        refinement with the general one, pycolmap is missing, or the image is not one that `surf.detect` takes.
     """
     narrowing = {"stretch": stretch, "threshold": threshold, "refine": refine}
     given = [name for name, value in narrowing.items() if value is not None]
     rule = rule or ("joint" if given else "general")
     polarity = polarity or ("both" if rule == "general" else "dark")
     _check_choices(rule, polarity, limit or "energy", given)
+    detectors = _checked_detectors(detector, rule)
     gray = as_gray(image)
     if rule == "general":
         polarities: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
         limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or "energy",)
-        return detect_markers(gray, [Variant(*each) for each in product(polarities, limits)])
+        made_for = dict.fromkeys(SOURCES[name][0] for name in detectors)
+        return detect_markers(gray, [Variant(*each) for each in product(polarities, limits, made_for)], detectors)
     assert limit != "both"
     default = 1.0 if polarity == "both" else 2.0
     stretch = default if stretch is None else stretch
@@ -114,6 +122,18 @@ def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -
         raise InputError('polarity: expected dark or light with rule "joint", got "both"')
     if rule != "general" and limit == "both":
         raise InputError(f'limit: expected energy or range with rule "{rule}", got "both"')
+
+
+def _checked_detectors(detector: str | Sequence[str], rule: Rule) -> tuple[str, ...]:
+    """Return the detectors' names, each once."""
+    names = (detector,) if isinstance(detector, str) else tuple(dict.fromkeys(detector))
+    if not names:
+        raise InputError(f"detector: expected some of {', '.join(SOURCES)}, got none")
+    for name in names:
+        check_choice(name, tuple(SOURCES), "detector")
+    if rule != "general" and names != ("surf",):
+        raise InputError(f'detector: expected surf with rule "{rule}", got {", ".join(names)}')
+    return names
 
 
 def detect_stretched(

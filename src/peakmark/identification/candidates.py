@@ -76,12 +76,19 @@ def candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
     pad = round(_PAD_SHARE * max(gray.shape))
     padded = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
     found = map_parallel(lambda copy: _search(gray, np.asarray(padded), pad, *copy), copies)
-    rows = np.concatenate(found)
+    yield from pages(np.concatenate(found), SIDE_OF_SCALE, gray.shape)
+
+
+def pages(rows: NDArray[np.float64], side_of_scale: float, shape: tuple[int, ...]) -> Iterator[MarkerCandidates]:
+    """Yield key points (n, 6) of an image of a shape in pages, by falling quotient.
+
+    Their columns are x, y, scale, response, sign and quotient.
+    """
     rows = rows[np.argsort(-rows[:, 5], kind="stable")]
-    distinct = rows[_distinct(rows, gray.shape)]
+    distinct = rows[_distinct(rows, shape)]
     for first in range(0, len(distinct) + 1, PAGE):
         page = distinct[first : first + PAGE]
-        sides, signs = SIDE_OF_SCALE * page[:, 2], page[:, 4].astype(np.int8)
+        sides, signs = side_of_scale * page[:, 2], page[:, 4].astype(np.int8)
         yield MarkerCandidates(page[:, :2], sides, signs, page[:, 3], page[:, 5])
 
 

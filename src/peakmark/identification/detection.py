@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from peakmark.errors import check_choice
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, check_pattern
+from peakmark.markers.patterns import Made, Polarity, Variant, check_pattern
 
 SIDE_OF_SCALE = 1.09
 """Side of a marker over its SURF scale, in the median: the filter that answers most is a little smaller."""
@@ -31,7 +31,7 @@ class Detection:
     polarity: Polarity | None
     """"dark" or "light" centre; None only from a user's detector that does not tell."""
     response: float
-    """Determinant of the Hessian."""
+    """Determinant of the Hessian; of a SIFT marker the size of the DoG, grey levels 0…1."""
     signature_distance: float
     """Euclidean distance from the ideal marker's signature; nan where no descriptor was computed."""
     rank: int
@@ -48,6 +48,13 @@ class Detection:
     """(2, 2) of the centre, px², from the residuals of the alignment; None by the other rules."""
     limit: Limit = "energy"
     """Of its pattern: "energy", the paper's, or "range", the binary one."""
+    made_for: Made = "surf"
+    """The detector that its pattern is made for: "surf" or "sift"."""
+
+    @property
+    def kind(self) -> str:
+        """What scenes, truth and sheets call it, such as "sift-range-light"; dark where nothing tells."""
+        return Variant(self.polarity or "dark", self.limit, self.made_for).kind
 
     def corners(self) -> NDArray[np.float64]:
         """Return (4, 2) corners of the pattern, px, from its top left clockwise; upright where nothing was refined."""
@@ -68,10 +75,10 @@ class Identification:
     """The markers, strongest first."""
 
 
-def pattern_name(polarity: Polarity, limit: Limit) -> str:
-    """Return what `peakmark.refine` calls the SURF marker of a polarity and limit."""
+def pattern_name(polarity: Polarity, limit: Limit, made_for: Made = "surf") -> str:
+    """Return what `peakmark.refine` calls the marker of a polarity and limit."""
     check_pattern(polarity, limit)
-    return f"surf-{polarity}" if limit == "energy" else f"surf-range-{polarity}"
+    return Variant(polarity, limit, made_for).kind
 
 
 def is_polarity(features: Keypoints, polarity: Polarity) -> NDArray[np.bool_]:

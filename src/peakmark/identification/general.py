@@ -3,7 +3,7 @@
 ::
 
     SURF on five copies ─▶ candidates by quotient ─▶ the best by coarse correlation ─▶ alignment in any light
-        ─▶ evidence ─▶ boosted trees (`general.json`) ─▶ non-maximum suppression ─▶ detections
+        ─▶ evidence ─▶ boosted trees ─▶ non-maximum suppression ─▶ detections
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,19 +20,18 @@ from peakmark.identification.alignment import (
     correlations,
     finished,
     noise_sigma_of,
+    span_of,
+    start_of,
     together,
 )
-from peakmark.identification.candidates import MarkerCandidates, candidate_pages, joined
+from peakmark.identification.candidates import MarkerCandidates, joined
 from peakmark.identification.detection import Detection
+from peakmark.identification.families import FAMILIES, SOURCES, Family
 from peakmark.identification.marker_evidence import COLUMNS, marker_evidence
-from peakmark.identification.marker_model import shipped_model
+from peakmark.identification.marker_model import MarkerModel, shipped_model
 from peakmark.identification.suppression import suppress_non_maxima
-from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity, Variant
 from peakmark.refine.api import upright_rotation
-
-LEAST_CORRELATION = 0.81
-"""Coarse correlation from which a candidate is aligned: of markers that nothing covers it is above 0.86."""
 
 BATCH = 64
 """Candidates that are aligned together, by falling worth."""
@@ -40,15 +39,11 @@ BATCH = 64
 PRODUCTIVE = 1 / 6
 """Share of a batch that must be markers for the next one to be aligned."""
 
-BEHIND: dict[Limit, float] = {"energy": 0.06, "range": 0.01}
-"""Coarse correlation by which a pattern may fall short of the other one of its polarity and still be aligned. In any
-light the binary pattern's, the simpler one, is up to 0.055 above that of the other, where the other is printed."""
-
 USUAL = tuple(Variant(polarity) for polarity in get_args(Polarity))
 """The markers that are looked for unless the caller says: those of the paper."""
 
-_BY_SIZE, _BY_QUOTIENT, _ENOUGH = 0.02, 0.08, 0.6
-"""A candidate's worth: its correlation, this for each doubling of its side, and this times its quotient up to 0.6."""
+_BY_QUOTIENT, _ENOUGH = 0.08, 0.6
+"""A candidate's worth is its correlation, this times its quotient up to 0.6, and what its family adds."""
 
 
 @dataclass(frozen=True)
@@ -64,18 +59,28 @@ class Alignments:
     evidence: NDArray[np.float64]
     """(n, c) see `marker_evidence`."""
 
+    @property
+    def sides_px(self) -> NDArray[np.float64]:
+        """(n,) sides of the markers, of which a round one is aligned in part."""
+        return np.asarray(self.aligned.sides_px / np.array([span_of(variant) for variant in self.variants]))
+
 
 def align_image(gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL) -> Alignments:
-    """Return what could be aligned with one of the markers in a (H, W) image, of the first batch of candidates."""
-    return next(_batches(gray, variants))
+    """Return what could be aligned with one of the markers in a (H, W) image, of the first batch of candidates.
+
+    The markers are all made for one detector.
+    """
+    return next(_batches(gray, variants, FAMILIES[variants[0].made_for].pages(gray)))
 
 
-def _batches(gray: NDArray[np.uint8], variants: Sequence[Variant]) -> Iterator[Alignments]:
+def _batches(
+    gray: NDArray[np.uint8], variants: Sequence[Variant], pages: Iterator[MarkerCandidates]
+) -> Iterator[Alignments]:
     """Yield alignments batch by batch, at least one, the best candidates first."""
-    sigma = noise_sigma_of(gray)
-    for candidates in candidate_pages(gray):
+    sigma, family = noise_sigma_of(gray), FAMILIES[variants[0].made_for]
+    for candidates in pages:
         scores = _scores(gray, candidates, variants)
-        chosen = _short_list(candidates, scores.max(axis=1))
+        chosen = _short_list(candidates, scores.max(axis=1), family)
         while True:
             rows = np.array(list(islice(chosen, BATCH)), dtype=np.intp)
             yield _aligned(gray, candidates[rows], scores[rows], variants, sigma)
@@ -88,17 +93,17 @@ def _scores(gray: NDArray[np.uint8], candidates: MarkerCandidates, variants: Seq
     scores = np.zeros((len(candidates), len(variants)))
     for k, variant in enumerate(variants):
         rows = np.flatnonzero(candidates.signs == (1 if variant.polarity == "dark" else -1))
-        scores[rows, k] = correlations(gray, candidates.xy[rows], candidates.sides_px[rows], variant)
+        sides = candidates.sides_px[rows] * start_of(variant)
+        scores[rows, k] = correlations(gray, candidates.xy[rows], sides, variant)
     return scores
 
 
-def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64]) -> Iterator[np.intp]:
+def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64], family: Family) -> Iterator[np.intp]:
     """Yield the rows of candidates by falling worth, without those near a better one of like size."""
-    worth = scores + _BY_SIZE * np.log2(np.maximum(candidates.sides_px, 8) / 20)
-    worth += _BY_QUOTIENT * np.minimum(candidates.quotients, _ENOUGH)
+    worth = scores + _BY_QUOTIENT * np.minimum(candidates.quotients, _ENOUGH) + family.more_worth(candidates)
     kept: list[np.intp] = []
     for i in np.argsort(-worth, kind="stable"):
-        if scores[i] < LEAST_CORRELATION:
+        if scores[i] < family.least_correlation:
             continue
         before = np.array(kept, dtype=np.intp)
         gaps = np.hypot(*(candidates.xy[before] - candidates.xy[i]).T)
@@ -118,17 +123,20 @@ def _aligned(
     sigma: float,
 ) -> Alignments:
     """Return candidates aligned with the marker that correlates best, and with the other one that does alike, too."""
-    parts, kinds = [], []
+    parts, kinds, family = [], [], FAMILIES[variants[0].made_for]
     for k, variant in enumerate(variants):
-        rows = np.flatnonzero((scores[:, k] > 0) & (scores[:, k] > scores.max(axis=1) - BEHIND[variant.limit]))
-        aligned = align_candidates(gray, candidates.xy[rows], candidates.sides_px[rows], variant, sigma)
+        rows = np.flatnonzero((scores[:, k] > 0) & (scores[:, k] > scores.max(axis=1) - family.behind[variant.limit]))
+        sides = candidates.sides_px[rows] * start_of(variant)
+        aligned = align_candidates(gray, candidates.xy[rows], sides, variant, sigma)
         parts.append(replace(aligned, rows=rows[aligned.rows]))
         kinds += [k] * len(aligned.rows)
     aligned, kind = together(parts), np.array(kinds, dtype=np.intp)
     rows = aligned.rows
-    found = candidates[rows]
+    found, aligned_with = candidates[rows], tuple(variants[k] for k in kind)
     evidence = marker_evidence(gray, aligned, found.quotients, scores[rows, kind], sigma)
-    return Alignments(found, tuple(variants[k] for k in kind), aligned, evidence)
+    more = family.more_evidence(gray, aligned, aligned_with)
+    evidence = np.column_stack([evidence, *(more[name] for name in family.columns[len(COLUMNS) :])])
+    return Alignments(found, aligned_with, aligned, evidence)
 
 
 def _productive(gray: NDArray[np.uint8], batches: Iterator[Alignments]) -> Alignments:
@@ -144,7 +152,12 @@ def _productive(gray: NDArray[np.uint8], batches: Iterator[Alignments]) -> Align
 
 def _likely(found: Alignments) -> NDArray[np.float64]:
     """Return (n,) probabilities that alignments are markers."""
-    return shipped_model()[0].probabilities(found.evidence)
+    return _model(found.variants)[0].probabilities(found.evidence)
+
+
+def _model(variants: Sequence[Variant]) -> tuple[MarkerModel, float]:
+    """Return what decides for markers that are made for one detector; with none it does not matter which."""
+    return shipped_model(variants[0].made_for if variants else "surf")
 
 
 def _joined(batches: Sequence[Alignments]) -> Alignments:
@@ -158,40 +171,61 @@ def _joined(batches: Sequence[Alignments]) -> Alignments:
 
 def _markers(gray: NDArray[np.uint8], found: Alignments, likely: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the rows of alignments that are markers, those found twice left out."""
-    xy, sides = found.aligned.theta[:, :2], found.aligned.sides_px
+    xy, sides = found.aligned.theta[:, :2], found.sides_px
     is_inside = ((xy > -0.5) & (xy < np.array(gray.shape[::-1]) - 0.5)).all(axis=1)
-    rows = np.flatnonzero((likely > shipped_model()[1]) & is_inside)
+    rows = np.flatnonzero((likely > _model(found.variants)[1]) & is_inside)
     return np.asarray(rows[suppress_non_maxima(xy[rows], sides[rows], likely[rows])])
 
 
-def detect_markers(gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL) -> tuple[Detection, ...]:
-    """Return the markers whose centres lie in a (H, W) image, strongest first."""
-    found = _productive(gray, _batches(gray, variants))
+def detect_markers(
+    gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL, detectors: Sequence[str] = ("surf",)
+) -> tuple[Detection, ...]:
+    """Return the markers whose centres lie in a (H, W) image, strongest first, those of each detector by themselves.
+
+    Of the variants each detector finds those that are made for it, see `SOURCES`. What is found as a marker of two is
+    the likelier one.
+    """
+    found: list[Detection] = []
+    for made_for, pages in (SOURCES[detector] for detector in detectors):
+        if own := [variant for variant in variants if variant.made_for == made_for]:
+            found += _detect_family(gray, own, pages(gray))
+    if len(detectors) > 1 and found:
+        columns = (np.array([getattr(one, name) for one in found]) for name in ("xy", "size", "probability"))
+        found = [found[row] for row in sorted(suppress_non_maxima(*columns))]
+    return tuple(replace(detection, id=number) for number, detection in enumerate(found))
+
+
+def _detect_family(
+    gray: NDArray[np.uint8], variants: Sequence[Variant], pages: Iterator[MarkerCandidates]
+) -> Iterator[Detection]:
+    """Yield the markers that are made for one detector, strongest first."""
+    found = _productive(gray, _batches(gray, variants, pages))
     likely = _likely(found)
     rows = _markers(gray, found, likely)
-    rows = rows[np.argsort(-found.candidates.responses[rows], kind="stable")]
-    return tuple(_detection(gray, found, int(row), number, float(likely[row])) for number, row in enumerate(rows))
+    for number, row in enumerate(rows[np.argsort(-found.candidates.responses[rows], kind="stable")]):
+        yield _detection(gray, found, int(row), number, float(likely[row]))
 
 
 def _detection(gray: NDArray[np.uint8], found: Alignments, row: int, number: int, probability: float) -> Detection:
     """Return one alignment as a detection, upright."""
-    aligned, responses = found.aligned, found.candidates.responses
-    theta, covariance = finished(gray, aligned, row, found.variants[row])
-    affine = theta[2:6].reshape(2, 2)
+    aligned, responses, variant = found.aligned, found.candidates.responses, found.variants[row]
+    theta, covariance = finished(gray, aligned, row, variant)
+    affine = theta[2:6].reshape(2, 2) / span_of(variant)
     rotation = upright_rotation(affine[None])[0]
     unexplained = np.exp(-found.evidence[row, COLUMNS.index("unexplained")])
     return Detection(
         id=number,
         xy=theta[:2],
         size=float(np.sqrt(np.abs(np.linalg.det(affine)))),
-        polarity=found.variants[row].polarity,
-        limit=found.variants[row].limit,
+        polarity=variant.polarity,
+        limit=variant.limit,
+        made_for=variant.made_for,
         response=float(responses[row]),
-        signature_distance=np.nan,
+        signature_distance=float(found.evidence[row, len(COLUMNS)]) if variant.made_for == "sift" else np.nan,
         rank=1 + int((responses > responses[row]).sum()),
         affinity=affine @ rotation,
         explained=float(1 - min(unexplained, 1.0)),
         probability=probability,
-        perspective=rotation.T @ theta[6:8],
+        perspective=rotation.T @ theta[6:8] / span_of(variant),
         covariance=covariance,
     )

@@ -8,11 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.identification.marker_evidence import COLUMNS
+from peakmark.identification.families import FAMILIES
 from peakmark.identification.trees import Trees, from_plain
-
-MODEL = Path(__file__).with_name("general.json")
-"""Written by `scripts/train_search.py`."""
+from peakmark.markers.patterns import Made
 
 
 @dataclass(frozen=True)
@@ -33,8 +31,12 @@ class MarkerModel:
 
 
 @cache
-def shipped_model() -> tuple[MarkerModel, float]:
-    """Return the model that comes with the package, and the probability from which an alignment is a marker."""
-    plain = json.loads(MODEL.read_text(encoding="utf-8"))
-    assert plain["columns"] == list(COLUMNS), "general.json is of other columns: scripts/train_search.py makes it anew"
+def shipped_model(made_for: Made = "surf") -> tuple[MarkerModel, float]:
+    """Return the model that comes with the package, and the probability from which an alignment is a marker.
+
+    `scripts/train_search.py` makes it.
+    """
+    family = FAMILIES[made_for]
+    plain = json.loads(Path(__file__).with_name(family.model).read_text(encoding="utf-8"))
+    assert plain["columns"] == list(family.columns), f"{family.model} is of other columns: make it anew"
     return MarkerModel(from_plain(plain["trees"]), plain["slope"], plain["offset"]), float(plain["threshold"])

@@ -26,14 +26,24 @@ from peakmark.markers.optimum import Limit, quadratic_optimum
 
 Polarity = Literal["dark", "light"]
 
+Made = Literal["surf", "sift"]
+"""Detectors that markers are made for."""
+
 
 class Variant(NamedTuple):
-    """Which of the four markers of a detector."""
+    """Which marker."""
 
     polarity: Polarity
     """Of its centre."""
     limit: Limit = "energy"
     """On its pattern."""
+    made_for: Made = "surf"
+    """The detector that answers most."""
+
+    @property
+    def kind(self) -> str:
+        """What scenes, truth and sheets call it, such as "surf-dark" or "sift-range-light"."""
+        return "-".join([self.made_for, *(["range"] if self.limit == "range" else []), self.polarity])
 
 
 SURF_CELLS = 9
@@ -41,6 +51,9 @@ SURF_CELLS = 9
 
 DOG_RATIO = 2 ** (1 / 3)
 """σ ratio of neighbouring Gaussians in a SIFT of three layers an octave."""
+
+SIFT_SIDE_IN_SIGMA = 12.0
+"""Side of the printed SIFT marker in σ: where its DoG has fallen below 1e-4 of the peak."""
 
 DXY_WEIGHT = 0.81
 """OpenCV's weight of Dxy² in the determinant, 0.9²: balances the box filter for Dxy against those for Dxx and Dyy. The
@@ -88,6 +101,13 @@ def sift_marker(
     else:
         pattern = 255.0 * (1.0 - disc_shares(dog_zero_crossing(sigma_px), side))
     return _uint8(pattern if polarity == "dark" else 255.0 - pattern)
+
+
+def marker_image(side_px: int, variant: Variant) -> NDArray[np.uint8]:
+    """Return a marker as a (side_px, side_px) image, a SIFT marker's σ as it is printed."""
+    if variant.made_for == "surf":
+        return surf_marker(side_px, variant.polarity, variant.limit)
+    return sift_marker(side_px / SIFT_SIDE_IN_SIGMA, side_px, variant.polarity, variant.limit)
 
 
 def surf_cells(polarity: Polarity = "dark", limit: Limit = "energy") -> NDArray[np.uint8]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from peakmark.errors import InputError
 from peakmark.markers.array_code import polarities_of
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, dog_zero_crossing, surf_cells
+from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, Polarity, dog_zero_crossing, surf_cells
 from peakmark.markers.sheet_shapes import Box, Disc, Dog, Item, Text, text_length
 
 PAPERS_MM = {
@@ -26,9 +26,6 @@ PAPERS_MM = {
     "tabloid": (279.4, 431.8),
 }
 """Width and height of upright pages, millimetres."""
-
-SIFT_SIDE_IN_SIGMA = 12.0
-"""Side of the printed SIFT marker in σ: where its DoG has fallen below 1e-4 of the peak."""
 
 MARGIN_MM = 8.0
 """Blank border of the page, for printers that cannot reach the edge."""

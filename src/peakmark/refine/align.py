@@ -15,7 +15,7 @@ from peakmark.refine.model import PARAMETERS, levels_at
 
 Values = NDArray[np.float64]
 
-_GRID = "const f8[line_count] lines, const f8[intervals,intervals] levels"
+_GRID = "const f8[line_count] lines, const f8[rows,intervals] levels"
 _COARSE = "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[shape_count,2,2] shapes"
 _FITTED = "f8[11] theta, f8[1] noise, b1[1] converged"
 

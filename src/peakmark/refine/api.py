@@ -4,20 +4,32 @@ A detector's position follows its octave's step, up to about a pixel off; here t
 through pixel squares, blur and a homography (see `model`), is fitted to the image's grey levels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from peakmark.errors import InputError, check_choice
-from peakmark.markers.patterns import surf_cells
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Made, Polarity, Variant, surf_cells
+from peakmark.markers.profile import sift_profile
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import align, shape_grid
 from peakmark.refine.model import PARAMETERS, Pattern, predict
+from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
 
-PATTERNS = ("surf-dark", "surf-light", "surf-range-dark", "surf-range-light")
-"""Patterns that `refine` knows: those that are piecewise constant on a grid."""
+VARIANTS = {
+    one.kind: one for one in (Variant(*each) for each in product(get_args(Polarity), get_args(Limit), get_args(Made)))
+}
+"""Patterns that `refine` knows, by name."""
+
+PATTERNS = tuple(VARIANTS)
+
+_RADII = 32
+"""Of a DoG's profile: with fewer, blur, size and contrast together make up for what is missing."""
 
 _MIN_EXPLAINED = 0.5
 """Share of the variance that the pattern must explain: below, something else is there."""
@@ -116,12 +128,31 @@ def refine(
     focal = float(max(gray.shape) if focal_px is None else focal_px)
     if not focal > 0:
         raise InputError(f"focal_px: expected a positive number, got {focal_px}")
-    extra = (model.lines, model.levels, model.extent, focal, *coarse_template(pattern, border), shape_grid())
+    span, shapes = (ROUND_SPAN, round_shape_grid()) if model.is_round else (1.0, shape_grid())
+    sizes = sizes * span
+    extra = (model.lines, model.levels, model.extent, focal, *coarse_template(pattern, border), shapes)
     fits = map_parallel(lambda k: align(gray, positions[k], sizes[k], *extra), range(len(positions)))
     theta = np.array([fit[0] for fit in fits]).reshape(-1, PARAMETERS)
     covariance = np.array([fit[1] for fit in fits]).reshape(-1, PARAMETERS, PARAMETERS)
     noise, converged = (np.array([fit[k] for fit in fits]) for k in (2, 3))
-    return _refined(theta, covariance, noise, converged.astype(bool), positions, sizes, float(model.levels.var()))
+    refined = _refined(theta, covariance, noise, converged.astype(bool), positions, sizes, _variance_of(model))
+    return _of_whole_sides(refined, span)
+
+
+def _variance_of(model: Pattern) -> float:
+    """Return the variance of the levels that are compared, nearly."""
+    if not model.is_round:
+        return float(model.levels.var())
+    radius = np.linspace(0, model.extent, 101)
+    levels, mean = np.interp(radius, model.lines, model.levels[0]), radius / radius.sum()
+    return float((levels**2 * mean).sum() - (levels * mean).sum() ** 2)
+
+
+def _of_whole_sides(refined: Refined, span: float) -> Refined:
+    """Return what was fitted in units that are a share of the side, in sides."""
+    scale = np.array([1.0, 1.0, *[1 / span] * 4])
+    covariance = refined.covariance * scale[:, None] * scale
+    return replace(refined, affine=refined.affine / span, perspective=refined.perspective / span, covariance=covariance)
 
 
 def _refined(
@@ -173,11 +204,16 @@ def upright_rotation(affine: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @cache
 def known_pattern(name: str, border: float) -> Pattern:
-    """Return a SURF marker by name, on lines only where levels change, on white."""
+    """Return a marker by name: SURF's on lines only where levels change, on white, and SIFT's along its radius."""
     check_choice(name, PATTERNS, "pattern")
-    if not 0 <= border <= 1:
-        raise InputError(f"border: expected 0…1 sides, got {border}")
-    cells = surf_cells("light" if name.endswith("light") else "dark", "range" if "range" in name else "energy")
+    variant = VARIANTS[name]
+    if not 0 <= border <= (1 if variant.made_for == "surf" else 0):
+        expected = "0…1 sides" if variant.made_for == "surf" else "0 with a round pattern"
+        raise InputError(f"border: expected {expected}, got {border}")
+    if variant.made_for == "sift":
+        radii, levels = sift_profile(variant.polarity, variant.limit, _RADII)
+        return Pattern(radii / ROUND_SPAN, levels[None], ROUND_EXTENT)
+    cells = surf_cells(variant.polarity, variant.limit)
     framed = np.pad(cells / 255.0, 1, constant_values=1.0)
     starts = np.flatnonzero(np.r_[True, (framed[1:] != framed[:-1]).any(axis=1)])
     return Pattern((starts[1:] - 1) / len(cells) - 0.5, framed[np.ix_(starts, starts)], 0.5 + border)
@@ -186,11 +222,14 @@ def known_pattern(name: str, border: float) -> Pattern:
 @cache
 def coarse_template(name: str, border: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (m, 2) points over a known pattern and its softened levels there, of mean 0."""
+    model = known_pattern(name, border)
+    if model.is_round:
+        return round_template(model.lines, model.levels[0])
     line = (np.arange(9) - 4) / 9 * 0.95
     samples = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     unit = np.zeros(PARAMETERS)
     unit[[2, 5, 8]], unit[10] = 1.0, _TEMPLATE_BLUR
-    levels = predict(unit, samples, known_pattern(name, border))
+    levels = predict(unit, samples, model)
     return samples, levels - levels.mean()
 
 

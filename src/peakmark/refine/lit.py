@@ -26,7 +26,7 @@ Values = NDArray[np.float64]
 PARAMETERS = 18
 """Number of parameters."""
 
-_GRID = "const f8[line_count] lines, const i8[intervals,intervals] index, const f8[base_count] base"
+_GRID = "const f8[line_count] lines, const i8[rows,intervals] index, const f8[base_count] base"
 _COARSE = "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[shape_count,2,2] shapes"
 _PIXELS = "const f4[n] seen, const i4[n,2] xy"
 

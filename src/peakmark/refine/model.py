@@ -32,13 +32,17 @@ _select_pixels = function(
 )
 _residuals = function(
     "status residuals(const f4[n] seen, const i4[n,2] xy, const f8[11] theta, const f8[line_count] lines, "
-    "const f8[intervals,intervals] levels, f8[n] r, f8[11,n] jacobian)"
+    "const f8[rows,intervals] levels, f8[n] r, f8[11,n] jacobian)"
 )
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """A piecewise constant pattern on a grid of lines, seen only where |u| and |v| ≤ `extent`."""
+    """A piecewise constant pattern on a grid of lines, seen only where |u| and |v| ≤ `extent`.
+
+    A round one has levels (1, k) at its k lines, which are radii, is linear between them, and is seen up to the radius
+    `extent`.
+    """
 
     lines: NDArray[np.float64]
     """(k,) rising positions along both axes, sides."""
@@ -46,6 +50,11 @@ class Pattern:
     """(k + 1, k + 1) levels 0…1, row by row; the first and last row and column reach to infinity."""
     extent: float
     """Half the side of what is compared with the image, in sides; beyond it anything may be."""
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the lines are radii."""
+        return len(self.levels) == 1
 
 
 def predict(parameters: NDArray[np.float64], xy: NDArray[np.float64], pattern: Pattern) -> NDArray[np.float64]:

@@ -7,6 +7,8 @@ from scipy.special import ndtr
 from peakmark.refine.api import PATTERNS, known_pattern
 from peakmark.refine.model import normal_distribution, pattern_points, predict, residuals, select_pixels, smooth_step
 
+GRID_PATTERNS = [name for name in PATTERNS if name.startswith("surf")]
+
 angles = st.floats(0, 2 * np.pi)
 
 
@@ -20,7 +22,7 @@ def pixels_in_use(theta, pattern):
     return select_pixels(theta, pattern.lines, pattern.extent, 64, 64, 1)
 
 
-@pytest.mark.parametrize("name", PATTERNS)
+@pytest.mark.parametrize("name", GRID_PATTERNS)
 @given(rotation_rad=angles, tilt=st.floats(0, 1.2), side=st.floats(14, 60), blur=st.floats(0.01, 3))
 def test_kernel_agrees_with_the_plain_model(name, rotation_rad, tilt, side, blur):
     pattern, theta = known_pattern(name, 0.05), parameters(rotation_rad, tilt, side, blur=blur)

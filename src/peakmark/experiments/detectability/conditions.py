@@ -17,8 +17,7 @@ from peaksim.shipped import ASSETS
 
 from peakmark.errors import InputError
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import dog_zero_crossing, plain_ground, sift_marker, surf_texture
-from peakmark.markers.sheet import SIFT_SIDE_IN_SIGMA
+from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, dog_zero_crossing, plain_ground, sift_marker, surf_texture
 from peakmark.score.wanted import polarity_of
 
 KINDS = ("surf-dark", "surf-light", "surf-range-dark", "sift-dark", "sift-range-dark")

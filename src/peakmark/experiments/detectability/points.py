@@ -13,7 +13,7 @@ from peakmark.detectors.registry import find_detector
 from peakmark.errors import InputError
 from peakmark.experiments.detectability.conditions import Condition
 from peakmark.experiments.option import check_range
-from peakmark.markers.sheet import SIFT_SIDE_IN_SIGMA
+from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA
 
 SURF_SIDE_PX = 147.0
 """Side of the SURF marker where it is not the axis (the paper's)."""

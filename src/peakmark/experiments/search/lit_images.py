@@ -16,7 +16,8 @@ from peaksim.scene.texture import Texture
 
 from peakmark.experiments.search.exposure import expose
 from peakmark.experiments.search.grounds import random_ground
-from peakmark.markers.patterns import Polarity, surf_marker
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Made, Polarity, Variant, marker_image
 
 SIDE_M = 0.06
 """Side of every sheet's pattern, metres."""
@@ -40,14 +41,16 @@ class LitImage:
     """Of its markers."""
 
 
-def random_image(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]]) -> LitImage:
+def random_image(
+    rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], made_for: Made = "surf"
+) -> LitImage:
     """Return an image of up to 25 sheets in one plane, seen in any size and tilt, in any light."""
     tilt_deg = float(np.degrees(np.arccos(rng.uniform(np.cos(np.radians(78)), 1))))
     tilt_deg = tilt_deg if rng.random() < 0.6 else float(rng.uniform(0, 78))
     side_px = float(np.exp(rng.uniform(np.log(11), np.log(80 if rng.random() < 0.8 else 400))))
     focal = float(rng.uniform(420, 1100))
     camera = Camera(WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
-    scene = Scene((_wall(rng, photos, side_px), *_sheets(rng, photos, side_px)))
+    scene = Scene((_wall(rng, photos, side_px), *_sheets(rng, photos, side_px, made_for)))
     frame = render(scene, camera, _pose(rng, focal, side_px, tilt_deg), renderer="exact")
     printed, truth = np.asarray(frame.linear, dtype=np.float64), frame.truth
     if rng.random() < _BENT:
@@ -80,7 +83,9 @@ def _wall(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], sid
     return Quad("wall", paper.cover_surface((wide, wide), "wall"), (wide, wide), away)
 
 
-def _sheets(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], side_px: float) -> list[Quad]:
+def _sheets(
+    rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], side_px: float, made_for: Made
+) -> list[Quad]:
     spacing = rng.uniform(1.7, np.clip(WIDTH / (5 * side_px), 2.6, 5))
     count = int(np.clip(np.ceil(1.3 * WIDTH / (spacing * side_px)), 2, 5))
     quads = []
@@ -89,25 +94,28 @@ def _sheets(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], s
         pose = compose(rotation_about("z", rng.uniform(0, 360)), [0.0, 0.0, 0.0])
         middle = (np.array([column, row]) - (count - 1) / 2) * spacing
         pose[:2, 3] = (middle + rng.uniform(-0.1, 0.1, 2)) * SIDE_M
-        quads.append(_sheet(rng, f"sheet{number}", pose, photos))
+        quads.append(_sheet(rng, f"sheet{number}", pose, photos, made_for))
         if rng.random() < _COVERED:
             quads.append(_cover(rng, f"cover{number}", pose, photos))
     return quads
 
 
-def _sheet(rng: np.random.Generator, name: str, pose: Pose, photos: Mapping[str, NDArray[np.uint8]]) -> Quad:
+def _sheet(
+    rng: np.random.Generator, name: str, pose: Pose, photos: Mapping[str, NDArray[np.uint8]], made_for: Made
+) -> Quad:
     """Return a sheet with a random rim."""
     kind = str(rng.choice(_SHEETS, p=_SHARES))
     polarity: Polarity = "dark" if rng.random() < 0.5 else "light"
     marks: tuple[Mark, ...] = ()
     if kind == "array":
-        texels, marks = _array_sheet(rng, name)
+        texels, marks = _array_sheet(rng, name, made_for)
     elif kind == "marker":
-        texels, marks = surf_marker(_TEXELS, polarity), (Mark(name, f"surf-{polarity}", SIDE_M),)
+        texels, called = _pattern(rng, _TEXELS, polarity, made_for)
+        marks = (Mark(name, called, SIDE_M),)
     elif kind == "photograph":
         texels = np.asarray(cv2.resize(random_ground(rng, photos), (_TEXELS, _TEXELS), interpolation=cv2.INTER_AREA))
     else:
-        texels = draw_decoy(rng, kind)
+        texels = draw_decoy(rng, kind, 1 if made_for == "surf" else 2)  # one disc is a marker for SIFT
     texels = np.pad(texels, round(float(rng.uniform(0.05, 0.3)) * _TEXELS), constant_values=255)
     white = 255 if rng.random() < 0.7 else int(rng.integers(225, 256))
     texels = np.minimum(texels, white).astype(np.uint8)
@@ -115,7 +123,14 @@ def _sheet(rng: np.random.Generator, name: str, pose: Pose, photos: Mapping[str,
     return Quad(name, Texture.from_array(texels), (size, size), pose, marks)
 
 
-def _array_sheet(rng: np.random.Generator, name: str) -> tuple[NDArray[np.uint8], tuple[Mark, ...]]:
+def _pattern(rng: np.random.Generator, side: int, polarity: Polarity, made_for: Made) -> tuple[NDArray[np.uint8], str]:
+    """Return a marker and what it is called; of those for SIFT two of five are discs."""
+    limit: Limit = "energy" if made_for == "surf" or rng.random() < 0.6 else "range"
+    variant = Variant(polarity, limit, made_for)
+    return marker_image(side, variant), variant.kind
+
+
+def _array_sheet(rng: np.random.Generator, name: str, made_for: Made) -> tuple[NDArray[np.uint8], tuple[Mark, ...]]:
     """Return three markers in an L and a line of text, in the space of one."""
     side = 9 * int(rng.integers(7, 10))
     step = min(round(rng.uniform(1.3, 1.6) * side), _TEXELS - side)
@@ -123,10 +138,10 @@ def _array_sheet(rng: np.random.Generator, name: str) -> tuple[NDArray[np.uint8]
     for number, (row, column) in enumerate(((0, 1), (1, 0), (1, 1))):
         polarity: Polarity = "dark" if rng.random() < 0.5 else "light"
         top, left = row * step, column * step
-        image[top : top + side, left : left + side] = surf_marker(side, polarity)
+        image[top : top + side, left : left + side], called = _pattern(rng, side, polarity, made_for)
         middle = (np.array([left, top]) + side / 2) / _TEXELS - 0.5
         center = (float(middle[0] * SIDE_M), float(-middle[1] * SIDE_M))
-        marks.append(Mark(f"{name}-{number}", f"surf-{polarity}", SIDE_M * side / _TEXELS, center))
+        marks.append(Mark(f"{name}-{number}", called, SIDE_M * side / _TEXELS, center))
     cv2.putText(image, "peakmark 3-bit array", (2, _TEXELS - 2), cv2.FONT_HERSHEY_PLAIN, 0.9, 90, 1)
     return image, tuple(marks)
 
@@ -142,8 +157,8 @@ def _cover(rng: np.random.Generator, name: str, pose: Pose, photos: Mapping[str,
     return Quad(name, Texture.from_array(np.asarray(texels)), (width * SIDE_M, 1.6 * SIDE_M), above)
 
 
-def draw_decoy(rng: np.random.Generator, kind: str) -> NDArray[np.uint8]:
-    """Return what else is printed on white paper: a tag, discs, squares, a letter, or a soft blob."""
+def draw_decoy(rng: np.random.Generator, kind: str, least_rings: int = 1) -> NDArray[np.uint8]:
+    """Return what else is printed on white paper: a tag, up to three discs or squares, a letter, or a soft blob."""
     image = np.full((_TEXELS, _TEXELS), 255, np.uint8)
     middle, half = _TEXELS // 2, int(rng.integers(24, _TEXELS // 2))
     if kind == "tag":
@@ -160,7 +175,7 @@ def draw_decoy(rng: np.random.Generator, kind: str) -> NDArray[np.uint8]:
         corner = (middle - width // 2, middle + height // 2)
         cv2.putText(image, text, corner, cv2.FONT_HERSHEY_DUPLEX, 6.0, int(rng.integers(120)), 18)
         return image
-    for radius in sorted(rng.integers(8, half + 1, int(rng.integers(1, 4))).tolist(), reverse=True):
+    for radius in sorted(rng.integers(8, half + 1, int(rng.integers(least_rings, 4))).tolist(), reverse=True):
         level = int(rng.integers(256))
         if kind == "discs":
             cv2.circle(image, (middle, middle), radius, level, -1)

@@ -3,17 +3,18 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.identification.general import detect_markers
-from peakmark.markers.patterns import Polarity, surf_marker
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Made, Variant, marker_image
 from peakmark.score.statistics import wilson
 
 Levels = NDArray[np.float64]
@@ -47,10 +48,21 @@ class SweepConfig:
     """In each cell, half of them dark."""
     seed: int = 0
     """Of phases, rotations and noise."""
+    made_for: Made = "surf"
+    """The detector that they are made for."""
+    limit: Limit = "energy"
+    """Of their pattern."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.markers <= 10_000 or self.seed < 0:
             raise InputError(f"expected --markers 1…10000 and --seed 0 or more, got {self.markers} and {self.seed}")
+        check_choice(self.made_for, get_args(Made), "--detector")
+        check_choice(self.limit, get_args(Limit), "--limit")
+
+    @property
+    def variants(self) -> tuple[Variant, Variant]:
+        """Light and dark."""
+        return Variant("light", self.limit, self.made_for), Variant("dark", self.limit, self.made_for)
 
 
 def cells() -> Iterator[tuple[str, float, float]]:
@@ -61,11 +73,11 @@ def cells() -> Iterator[tuple[str, float, float]]:
 
 
 def draw_marker(
-    center: Levels, side_px: float, tilt_deg: float, turn_deg: float, polarity: Polarity, shape: tuple[int, int]
+    center: Levels, side_px: float, tilt_deg: float, turn_deg: float, variant: Variant, shape: tuple[int, int]
 ) -> Levels:
     """Return levels 0…1 (H, W) of a marker on white paper before grey, tilted; drawn four times as fine."""
     fine, texels = 4, 162
-    sheet = np.pad(surf_marker(texels, polarity), texels // 4, constant_values=255).astype(np.float64)
+    sheet = np.pad(marker_image(texels, variant), texels // 4, constant_values=255).astype(np.float64)
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     spin, narrow = np.array([[c, -s], [s, c]]), np.cos(np.radians(tilt_deg))
     linear = spin @ np.diag([1.0, narrow]) @ spin.T * (fine * side_px / texels / np.sqrt(narrow))
@@ -100,11 +112,11 @@ def found_in(config: SweepConfig, name: str, value: float, tilt_deg: float, cell
     height = max(240, round(1.8 * side_px))
     shape = (height, height * 4 // 3)
     center = np.array(shape[::-1]) / 2 + rng.uniform(-0.5, 0.5, 2)
-    polarity: Polarity = "dark" if number % 2 else "light"
-    levels = draw_marker(center, side_px, tilt_deg, rng.uniform(0, 360), polarity, shape)
-    found = detect_markers(disturbed(levels, name, value, center, rng))
+    variant = config.variants[number % 2]
+    levels = draw_marker(center, side_px, tilt_deg, rng.uniform(0, 360), variant, shape)
+    found = detect_markers(disturbed(levels, name, value, center, rng), config.variants, (config.made_for,))
     within = max(side_px / 20, 0.7)
-    return any(d.polarity == polarity and float(np.linalg.norm(d.xy - center)) < within for d in found)
+    return any(d.polarity == variant.polarity and float(np.linalg.norm(d.xy - center)) < within for d in found)
 
 
 def run_sweeps(

@@ -8,25 +8,25 @@ the calibration and the threshold come from images that each of `FOLDS` models d
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth
 from peaksim.extras import needs_extra
 
-from peakmark.errors import InputError
+from peakmark.errors import InputError, check_choice
 from peakmark.experiments.cave.rooms import photographs
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.experiments.search.lit_images import LitImage, empty_image, random_image
-from peakmark.identification.detection import pattern_name
+from peakmark.identification.families import FAMILIES
 from peakmark.identification.general import Alignments, align_image
-from peakmark.identification.marker_evidence import COLUMNS
 from peakmark.identification.trees import Trees, from_boosting
-from peakmark.markers.patterns import Variant
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Made, Polarity, Variant
 from peakmark.report import plots
 from peakmark.report.results import result_folder, write_json
 from peakmark.score.statistics import wilson
@@ -57,11 +57,25 @@ class SearchTrainingConfig:
     """Images without any."""
     seed: int = 0
     """Of the images."""
+    made_for: Made = "surf"
+    """The detector that the markers are made for."""
 
     def __post_init__(self) -> None:
         for name, least in (("images", 1), ("empty", 1), ("seed", 0)):
             if not least <= getattr(self, name) <= 1_000_000:
                 raise InputError(f"--{name}: expected {least}…1000000, got {getattr(self, name)}")
+        check_choice(self.made_for, get_args(Made), "--detector")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of the evidence."""
+        return FAMILIES[self.made_for].columns
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """The markers that are aligned: for SURF, the paper's."""
+        limits: tuple[Limit, ...] = ("energy",) if self.made_for == "surf" else get_args(Limit)
+        return tuple(Variant(*one, self.made_for) for one in product(get_args(Polarity), limits))
 
 
 @dataclass(frozen=True)
@@ -83,7 +97,7 @@ def collect_evidence(
     names = [f"lit {k}" for k in range(config.images)] + [f"empty {k}" for k in range(config.empty)]
     records = run_items(journal, names, partial(_record, config), workers, on_step)
     rows = [(row, image) for image, record in enumerate(records) for row in record]
-    evidence = np.array([row[0] for row, _ in rows], dtype=np.float64).reshape(-1, len(COLUMNS))
+    evidence = np.array([row[0] for row, _ in rows], dtype=np.float64).reshape(-1, len(config.columns))
     labels, images = np.array([row[1] for row, _ in rows], dtype=np.int64), np.array([image for _, image in rows])
     return Evidence(evidence, labels, images.astype(np.int64))
 
@@ -93,17 +107,18 @@ def training_image(config: SearchTrainingConfig, index: int) -> LitImage:
     is_empty = index >= config.images
     number = index - config.images if is_empty else index
     rng = np.random.default_rng((config.seed, int(is_empty), number))
-    return (empty_image if is_empty else random_image)(rng, photographs("training"))
+    photos = photographs("training")
+    return empty_image(rng, photos) if is_empty else random_image(rng, photos, config.made_for)
 
 
 def _record(config: SearchTrainingConfig, index: int) -> list[tuple[list[float], int]]:
     image = training_image(config, index)
-    return labelled(align_image(image.gray), image.truth, image.gray.shape)
+    return labelled(align_image(image.gray, config.variants), image.truth, image.gray.shape)
 
 
 def labelled(found: Alignments, truth: Sequence[MarkerTruth], shape: tuple[int, ...]) -> list[tuple[list[float], int]]:
     """Return evidence and label of each alignment of an image of a shape."""
-    sides, places = found.aligned.sides_px, found.aligned.theta[:, :2]
+    sides, places = found.sides_px, found.aligned.theta[:, :2]
     return [
         ([float(f"{value:.6g}") for value in evidence], label_of(xy, float(side), variant, truth, shape))
         for xy, side, variant, evidence in zip(places, sides, found.variants, found.evidence, strict=True)
@@ -119,7 +134,7 @@ def label_of(
         if not np.isfinite(marker.side_px) or marker.visible_fraction == 0:
             continue
         gap = float(np.linalg.norm(xy - marker.center_xy))
-        is_like = 0.7 < side_px / marker.side_px < 1.4 and marker.kind == pattern_name(*variant)
+        is_like = 0.7 < side_px / marker.side_px < 1.4 and marker.kind == variant.kind
         if gap < max(0.12 * marker.side_px, 1.5) and is_like:
             return MARKER if _is_wanted(marker, shape) else UNDECIDED
         if gap < 0.75 * marker.side_px:
@@ -133,7 +148,7 @@ def _is_wanted(marker: MarkerTruth, shape: tuple[int, ...]) -> bool:
 
 
 def train(evidence: Evidence, config: SearchTrainingConfig) -> dict[str, Any]:
-    """Return what `general.json` holds: boosted trees, their calibration, and the threshold."""
+    """Return what the model's file holds: boosted trees, their calibration, and the threshold."""
     kept = evidence.labels != UNDECIDED
     values, is_marker, images = evidence.columns[kept], evidence.labels[kept] == MARKER, evidence.images[kept]
     trees = fit_trees(values, is_marker)
@@ -141,11 +156,12 @@ def train(evidence: Evidence, config: SearchTrainingConfig) -> dict[str, Any]:
     slope, offset = calibrate(sums, is_marker)
     likely = 1 / (1 + np.exp(-np.clip(slope * sums + offset, -50, 50)))
     return {
-        "origin": f"scripts/train_search.py --images {config.images} --empty {config.empty} --seed {config.seed}",
+        "origin": f"scripts/train_search.py {'' if config.made_for == 'surf' else '--detector sift '}"
+        f"--images {config.images} --empty {config.empty} --seed {config.seed}",
         "markers": int(is_marker.sum()),
         "clutter": int((~is_marker).sum()),
         "config": asdict(config),
-        "columns": list(COLUMNS),
+        "columns": list(config.columns),
         "threshold": choose_threshold(likely, is_marker, images, config),
         "reliability": reliability_of(likely, is_marker),
         "slope": slope,
@@ -210,10 +226,10 @@ def choose_threshold(
 
 
 def write_model(out: Path, model: dict[str, Any]) -> None:
-    """Write general.json, result.json and reliability.png."""
+    """Write general.json or sift.json, result.json and reliability.png."""
     kept = ("origin", "markers", "clutter", "threshold", "reliability")
     with result_folder(out) as folder:
-        write_json(folder / "general.json", model)
+        write_json(folder / FAMILIES[model["config"]["made_for"]].model, model)
         write_json(folder / "result.json", {key: model[key] for key in kept})
         figure, ax = plots.new_figure(5.5, 5.0)
         rows = model["reliability"]

@@ -6,12 +6,13 @@ import pytest
 from peakmark.errors import InputError
 from peakmark.experiments.search import sweeps
 from peakmark.experiments.search.sweeps import SweepConfig, cells, disturbed, draw_marker, found_in
+from peakmark.markers.patterns import Variant
 
 CENTER = np.array([160.25, 120.0])
 
 
 def drawn(tilt_deg: float = 0.0) -> np.ndarray:
-    return draw_marker(CENTER, 34.0, tilt_deg, 30.0, "dark", (240, 320))
+    return draw_marker(CENTER, 34.0, tilt_deg, 30.0, Variant("dark"), (240, 320))
 
 
 @pytest.mark.parametrize("tilt_deg", [0.0, 60.0])

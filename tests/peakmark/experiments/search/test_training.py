@@ -93,7 +93,7 @@ def test_a_small_training_gives_a_model_that_the_search_reads(tmp_path: Path) ->
     evidence = training.collect_evidence(config, Journal.open(tmp_path, {}))
     model = training.train(evidence, config)
     assert model["markers"] == (evidence.labels == MARKER).sum() > 3
-    assert model["columns"] == list(training.COLUMNS)
+    assert model["columns"] == list(config.columns)
     assert 0 <= model["threshold"] <= 1
     training.write_model(tmp_path / "model", model)
     written = {path.name for path in (tmp_path / "model").iterdir()}

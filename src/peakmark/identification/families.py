@@ -1,0 +1,76 @@
+"""The kinds of markers that `identify(image)` knows, in one table: where they may be, what is aligned, what decides.
+
+A new pattern is a row here, its levels in `alignment.lit_pattern`, and a model that `scripts/train_search.py` makes.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.identification.alignment import Aligned
+from peakmark.identification.candidates import MarkerCandidates, candidate_pages
+from peakmark.identification.marker_evidence import COLUMNS, Column
+from peakmark.identification.sift_candidates import sift_candidate_pages, vlfeat_candidate_pages
+from peakmark.identification.sift_signature import sift_columns
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Made, Variant
+
+Gray = NDArray[np.uint8]
+Pages = Callable[[Gray], Iterator[MarkerCandidates]]
+
+
+@dataclass(frozen=True)
+class Family:
+    """How the markers that are made for one detector are searched."""
+
+    pages: Pages
+    """Where they may be."""
+    model: str
+    """File of what decides, in this package."""
+    columns: tuple[str, ...]
+    """Of the evidence."""
+    more_evidence: Callable[[Gray, Aligned, tuple[Variant, ...]], Mapping[str, Column]]
+    """Columns beyond those of `marker_evidence`."""
+    least_correlation: float
+    """Coarse correlation from which a candidate is aligned."""
+    more_worth: Callable[[MarkerCandidates], Column]
+    """What a candidate's order is by, besides correlation and quotient."""
+    behind: Mapping[Limit, float]
+    """Coarse correlation by which a pattern may fall short of another one of its polarity and still be aligned."""
+
+
+def _by_size(candidates: MarkerCandidates) -> Column:
+    """Return 0.02 for each doubling of the side."""
+    return np.asarray(0.02 * np.log2(np.maximum(candidates.sides_px, 8) / 20))
+
+
+def _by_contrast(candidates: MarkerCandidates) -> Column:
+    """Return 0.03 for each doubling of the response: small faint blobs are many, and look like any round pattern."""
+    return np.asarray(0.03 * np.log2(np.clip(candidates.responses, 0.005, 0.1) / 0.1))
+
+
+FAMILIES: Mapping[Made, Family] = {
+    # of markers that nothing covers the correlation is above 0.86; in any light the binary pattern's, the simpler one,
+    # is up to 0.055 above that of the other, where the other is printed
+    "surf": Family(
+        candidate_pages, "general.json", COLUMNS, lambda *_: {}, 0.81, _by_size, {"energy": 0.06, "range": 0.01}
+    ),
+    "sift": Family(
+        sift_candidate_pages,
+        "sift.json",
+        (*COLUMNS, "signature", "is_disc"),
+        sift_columns,
+        0.8,
+        _by_contrast,
+        {"energy": 0.1, "range": 0.04},
+    ),
+}
+"""Of the detectors that markers are made for."""
+
+SOURCES: Mapping[str, tuple[Made, Pages]] = {
+    **{made_for: (made_for, family.pages) for made_for, family in FAMILIES.items()},
+    "vlfeat": ("sift", vlfeat_candidate_pages),
+}
+"""Of each detector that `identify` takes the markers that it finds, and where it says that they may be."""

@@ -1,0 +1,118 @@
+"""Where SIFT markers may be: extremes of the DoG over positions and scales, by their share of what variance allows.
+
+They are SIFT's (Lowe 2004, doi:10.1023/B:VISI.0000029664.99615.94): three scales an octave, extremes among 26
+neighbours. OpenCV's own list leaves out one marker in eight, those whose scale lies between two layers, for its
+interpolation then steps to and fro and gives up; and it has no sign. An octave more of small scales replaces the image
+of twice the size.
+"""
+
+from collections.abc import Iterator
+from functools import cache, partial
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from peakmark.detectors.dog import dog_responses
+from peakmark.detectors.vlfeat import vlfeat_sift
+from peakmark.identification.alignment import noise_sigma_of
+from peakmark.identification.candidates import MarkerCandidates, pages
+from peakmark.identification.evidence import box_variance
+from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, sift_marker
+from peakmark.parallel import map_parallel
+
+SIDE_OF_SIGMA = SIFT_SIDE_IN_SIGMA * np.sqrt(2)
+"""Side of a DoG marker over its key point's σ, and of a disc √2 less."""
+
+LEAST_RESPONSE, LEAST_SIGMAS = 0.006, 5.0
+"""DoG of a candidate, grey levels 0…1 (OpenCV's default is 0.013), and over that of the image's noise."""
+
+LEAST_QUOTIENT = 0.35
+"""Share of the largest DoG at this variance from which a key point is a candidate."""
+
+SMALLEST_PX = 10.0
+"""Side of the smallest candidates."""
+
+_LAYERS, _SIGMA, _OWN_SIGMA = 3, 1.6, 0.5
+"""Scales an octave, σ of an octave's first, and that which an image is thought to have: SIFT's."""
+
+_SMALLER = 4
+"""Scales below the first octave's first."""
+
+_NOISE_OF_DOG = 0.0817
+"""Deviation of the DoG of noise of σ 1, times the scale: √((1 + k⁻² − 4 / (1 + k²)) / 4π), k = 2^⅓."""
+
+_BOX = 6.0
+"""Side of the box whose variance is compared, σ."""
+
+
+def sift_candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
+    """Yield where SIFT markers may be in a (H, W) image; see `candidates.candidate_pages`."""
+    yield from pages_of(gray, dog_extremes(gray))
+
+
+def vlfeat_candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
+    """Yield VLFeat's key points in a (H, W) image as candidates; without pycolmap an `InputError` says so."""
+    points = vlfeat_sift(gray, describe=False)
+    columns = (points.xy, points.size / 2, points.response * points.laplacian)
+    yield from pages_of(gray, np.column_stack(columns).astype(np.float64))
+
+
+def pages_of(gray: NDArray[np.uint8], points: NDArray[np.float64]) -> Iterator[MarkerCandidates]:
+    """Yield key points (n, 4), x, y, σ and signed DoG, as candidates."""
+    noise = noise_sigma_of(gray) / 255 * _NOISE_OF_DOG / points[:, 2]
+    points = points[(SIDE_OF_SIGMA * points[:, 2] > SMALLEST_PX) & (np.abs(points[:, 3]) > LEAST_SIGMAS * noise)]
+    xy, sigma, response = points[:, :2], points[:, 2], points[:, 3]
+    variance = box_variance(gray, xy.astype(np.float32), np.column_stack([sigma, sigma]) * _BOX) / 255**2
+    quotient = np.abs(response) / (_most_response() * np.sqrt(np.maximum(variance, 1e-5)))
+    found = np.column_stack([xy, sigma, np.abs(response), np.sign(response), quotient])
+    yield from pages(found[quotient > LEAST_QUOTIENT], float(SIDE_OF_SIGMA), gray.shape)
+
+
+def dog_extremes(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return (n, 4) x, y, σ, px, and signed DoG, grey levels 0…1, of the extremes in an image; dark centres are +."""
+    base = np.divide(gray, 255, dtype=np.float32)
+    found, step, own_sigma, smaller = [np.empty((0, 4))], 1.0, _OWN_SIGMA, _SMALLER
+    while min(base.shape) >= 12:
+        sigmas = _SIGMA * 2 ** (np.arange(-smaller, _LAYERS + 3) / _LAYERS)
+        blurs = map_parallel(partial(_blurred, base, own_sigma), sigmas)
+        octave = _extremes(blurs, sigmas)
+        found.append(octave * [step, step, step, 1.0])
+        base = np.ascontiguousarray(blurs[smaller + _LAYERS][::2, ::2])
+        step, own_sigma, smaller = 2 * step, _SIGMA, 0
+    return np.concatenate(found)
+
+
+def _blurred(base: NDArray[np.float32], own_sigma: float, sigma: float) -> NDArray[np.float32]:
+    return np.asarray(cv2.GaussianBlur(base, (0, 0), np.sqrt(max(sigma**2 - own_sigma**2, 1e-3))), dtype=np.float32)
+
+
+def _extremes(blurs: list[NDArray[np.float32]], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, 4) of one octave; σ by a parabola over three scales."""
+    dogs = [larger - smaller for smaller, larger in pairwise(blurs)]
+    found = []
+    for sign in (1.0, -1.0):
+        signed = [sign * dog for dog in dogs]
+        peaks = map_parallel(lambda dog: np.asarray(cv2.dilate(dog, np.ones((3, 3), np.uint8))), signed)
+        for k in range(1, len(dogs) - 1):
+            below, here, above = signed[k - 1 : k + 2]
+            is_peak = (here >= peaks[k]) & (here > LEAST_RESPONSE) & (here >= peaks[k - 1]) & (here >= peaks[k + 1])
+            y, x = np.nonzero(is_peak)
+            less, most, more = (np.asarray(dog[y, x], dtype=np.float64) for dog in (below, here, above))
+            step = np.clip((less - more) / np.minimum(2 * (less - 2 * most + more), -1e-9), -0.5, 0.5)
+            found.append(np.column_stack([x, y, sigmas[k] * 2 ** (step / _LAYERS), sign * most]))
+    return np.concatenate(found)
+
+
+@cache
+def _most_response() -> float:
+    """Return the DoG at the marker's own key point over the levels' deviation in the box."""
+    sigma = 20.0
+    marker = sift_marker(sigma * np.sqrt(2), round(SIDE_OF_SIGMA * sigma))
+    middle = (len(marker) - 1) / 2
+    response = float(dog_responses(marker, [[middle, middle]], [sigma])[0])
+    box = np.array([[_BOX * sigma, _BOX * sigma]])
+    return float(
+        response / (np.sqrt(float(box_variance(marker, np.array([[middle, middle]], np.float32), box)[0])) / 255)
+    )

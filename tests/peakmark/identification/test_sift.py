@@ -1,0 +1,125 @@
+"""The search for SIFT markers: every kind at every size in one image, with SURF's, as arrays; and what is refused."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from peakmark.arrays.decode import decode_arrays
+from peakmark.errors import InputError
+from peakmark.experiments.search.sweeps import draw_marker
+from peakmark.identification.api import identify
+from peakmark.identification.detection import Detection
+from peakmark.identification.sift_candidates import dog_extremes
+from peakmark.identification.sift_signature import SIGNATURE, sift_signature_distances
+from peakmark.markers.array_code import THREE_BIT, polarities_of
+from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, Variant, marker_image
+
+CELL_PX = 160
+KINDS = [Variant(polarity, limit, "sift") for polarity in ("dark", "light") for limit in ("energy", "range")]
+
+
+@cache
+def wall(
+    kinds: tuple[Variant, ...] = tuple(KINDS) * 2,
+) -> tuple[NDArray[np.uint8], list[tuple[Variant, NDArray[np.float64], float]]]:
+    """Return an image of one marker a cell, four a row, of 22…60 px and tilts to 50°, and what is where."""
+    rng = np.random.default_rng(5)
+    rows, truth = len(kinds) // 4, []
+    levels = np.empty((CELL_PX * rows, CELL_PX * 4))
+    for k, kind in enumerate(kinds):
+        corner = CELL_PX * np.array([k % 4, k // 4])
+        center, side = 79.5 + rng.uniform(-9, 9, 2), float(rng.uniform(22, 60))
+        shown = draw_marker(
+            center, side, float(rng.uniform(0, 50)), float(rng.uniform(0, 360)), kind, (CELL_PX, CELL_PX)
+        )
+        levels[corner[1] : corner[1] + CELL_PX, corner[0] : corner[0] + CELL_PX] = shown
+        truth.append((kind, center + corner, side))
+    return np.clip(np.rint(40 + 170 * levels + rng.normal(0, 1.5, levels.shape)), 0, 255).astype(np.uint8), truth
+
+
+def found_at(found: tuple[Detection, ...], xy: NDArray[np.float64]) -> Detection:
+    (one,) = (d for d in found if np.linalg.norm(d.xy - xy) < 8)
+    return one
+
+
+def test_dogs_and_discs_of_both_polarities_are_found_as_what_they_are() -> None:
+    image, truth = wall()
+    found = identify(image, detector="sift", limit="both")
+    assert len(found) == len(truth)
+    for kind, xy, side in truth:
+        one = found_at(found, xy)
+        assert one.kind == kind.kind
+        assert np.linalg.norm(one.xy - xy) < 0.1
+        assert one.size == pytest.approx(side, rel=0.1)
+
+
+def test_one_limit_is_asked_for_and_the_other_not_found_by_name() -> None:
+    image, _ = wall()
+    assert {d.limit for d in identify(image, detector="sift")} == {"energy"}
+    assert {d.kind for d in identify(image, detector="sift", polarity="light", limit="range")} == {"sift-range-light"}
+
+
+def test_markers_of_both_detectors_in_one_image() -> None:
+    kinds = (Variant("dark"), Variant("light"), Variant("dark", "energy", "sift"), Variant("light", "energy", "sift"))
+    image, truth = wall(kinds)
+    found = identify(image, detector=("surf", "sift"))
+    assert [d.id for d in found] == [0, 1, 2, 3]
+    assert {found_at(found, xy).kind for _, xy, _ in truth} == {kind.kind for kind in kinds}
+
+
+def test_a_signature_tells_the_marker_from_others() -> None:
+    image, _ = wall()
+    found = identify(image, detector="sift")
+    assert max(d.signature_distance for d in found) < 0.3
+    noise = np.random.default_rng(0).random((20, 128))
+    assert sift_signature_distances(noise, (KINDS[0],) * 20).min() > 0.3
+    assert len(SIGNATURE) == 32
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.kind)
+def test_extremes_have_the_sign_of_the_centre_and_the_scale_of_the_marker(kind: Variant) -> None:
+    side = 120
+    image = np.pad(marker_image(side, kind), 60, mode="edge")
+    points = dog_extremes(image)
+    x, y, sigma, response = points[np.argmax(np.abs(points[:, 3]))]
+    assert np.hypot(x - 119.5, y - 119.5) < sigma / 2
+    assert np.sign(response) == (1 if kind.polarity == "dark" else -1)
+    own = side / SIFT_SIDE_IN_SIGMA / (np.sqrt(2) if kind.limit == "energy" else 1)
+    assert sigma == pytest.approx(own, rel=0.06)
+
+
+def test_an_empty_image_has_none() -> None:
+    assert identify(np.full((200, 300), 128, np.uint8), detector="sift") == ()
+
+
+@pytest.mark.parametrize("code", range(8))
+def test_arrays_of_sift_markers_are_read(code: int) -> None:
+    bits = polarities_of(code, THREE_BIT)
+    paper = np.full((300, 300), 255, np.uint8)
+    for (column, row), polarity in zip(THREE_BIT.cells, bits, strict=True):
+        top, left = 60 + round(96 * row), 60 + round(96 * column)
+        paper[top : top + 72, left : left + 72] = marker_image(72, Variant(polarity, "energy", "sift"))
+    image = np.rint(40 + 0.7 * paper + np.random.default_rng(code).normal(0, 1.5, paper.shape)).astype(np.uint8)
+    (array,) = decode_arrays(identify(image, detector="sift"), image=image)
+    assert (array.code, array.doubt) == (code, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"detector": "orb"}, "detector: expected one of surf, sift, vlfeat, got 'orb'"),
+        ({"detector": ()}, "detector: expected some of surf, sift, vlfeat, got none"),
+        ({"detector": "sift", "rule": "paper"}, 'detector: expected surf with rule "paper", got sift'),
+    ],
+)
+def test_what_is_no_detector_is_refused(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        identify(np.zeros((50, 60), np.uint8), **arguments)  # type: ignore[arg-type]
+    assert str(error.value) == message
+
+
+def test_surf_finds_what_it_found_before() -> None:
+    image, _ = wall((Variant("dark"), Variant("light")) * 2)
+    assert [d.kind for d in identify(image)] == [d.kind for d in identify(image, detector=["surf"])]
