@@ -115,7 +115,7 @@ static void sample(const coarse *search, picture image, const double *center, co
     const float right = (float)image.width - 1.001f, bottom = (float)image.height - 1.001f;
     const int32_t width = (int32_t)image.width;
     int32_t at[MOST_SAMPLES];
-    float fx[MOST_SAMPLES], fy[MOST_SAMPLES], corners[4][MOST_SAMPLES];
+    float fx[MOST_SAMPLES], fy[MOST_SAMPLES], above[2 * MOST_SAMPLES], below[2 * MOST_SAMPLES];
     for (int64_t i = 0; i < search->padded; i++) {
         float x = cx + a * search->u[i] + b * search->v[i], y = cy + c * search->u[i] + d * search->v[i];
         x = x > 0 ? x : 0, y = y > 0 ? y : 0;
@@ -126,11 +126,11 @@ static void sample(const coarse *search, picture image, const double *center, co
     }
     for (int64_t i = 0; i < search->padded; i++) {
         const float *from = image.levels + at[i];
-        corners[0][i] = from[0], corners[1][i] = from[1], corners[2][i] = from[width], corners[3][i] = from[width + 1];
+        memcpy(above + 2 * i, from, 2 * sizeof *from), memcpy(below + 2 * i, from + width, 2 * sizeof *from);
     }
     for (int64_t i = 0; i < search->padded; i++) {
-        float upper = corners[0][i] + fx[i] * (corners[1][i] - corners[0][i]);
-        float lower = corners[2][i] + fx[i] * (corners[3][i] - corners[2][i]);
+        float upper = above[2 * i] + fx[i] * (above[2 * i + 1] - above[2 * i]);
+        float lower = below[2 * i] + fx[i] * (below[2 * i + 1] - below[2 * i]);
         values[i] = (upper + fy[i] * (lower - upper) - level) * search->used[i];
     }
 }
@@ -262,6 +262,12 @@ static void bound_blur(double *theta) {
     if (apart > most_apart) theta[16] *= most_apart / apart, theta[17] *= most_apart / apart;
 }
 
+/* Whether a step of four times what the last one promised would leave the noise above a goal. A step of length² σ² gains half
+   of it in log likelihood. */
+static bool is_in_vain(const fitted *result, int64_t count, double goal) {
+    return goal > 0 && (double)count / 2 * same_log(result->noise / goal) > 4 * result->length / 2;
+}
+
 /* Solve Jᵀr / noise = precision (θ − mean), the noise being the residuals' own mean square; see gauss_newton. */
 fitted fit(model *m, const pixels *chosen, const double *start, const prior *before, patience limits) {
     int64_t n = m->parameters;
@@ -294,6 +300,10 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
         result.length = length;
         result.converged = length < limits.converged;
         if (length < limits.enough) break;
+        if (is_in_vain(&result, chosen->count, limits.goal)) {
+            result.converged = false;
+            break;
+        }
     }
     /* clean edges make every step from a perfect fit look wrong */
     if ((n == LIT || m->is_round) && result.noise < PERFECT * result.theta[8] * result.theta[8]) result.converged = true;
@@ -338,7 +348,7 @@ static void set_shape(double *theta, const double *shape, double size, int third
 /* A fit from one start: to the softened image, or where that leaves too few pixels to the sharp one. */
 static status fit_start(model *m, picture soft, picture level, double blur, double *start, prior *before,
                         fitted *result) {
-    const patience limits = {12, m->parameters == LIT ? 1.0 : 0.3, 0.3};
+    const patience limits = {12, m->parameters == LIT ? 1.0 : 0.3, 0.3, 0};
     const picture images[2] = {soft, level};
     for (int k = 0; k < 2; k++) {
         start[10] = k ? SHARP : blur;
@@ -450,7 +460,7 @@ static status align_plainly(model *m, const surroundings *around, const double *
     status state = fit_softly(m, around, local, size / block, search, &before, 0, INFINITY, result, &ratio, taken);
     before.mean[10] = result->theta[10] = SHARP;
     if (state == DONE && around->block > 1)
-        state = fit_picture(m, around->level, result->theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0}, result);
+        state = fit_picture(m, around->level, result->theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0, 0}, result);
     if (state != DONE) return state;
     for (int k = 0; k < 2; k++) result->theta[k] = block * result->theta[k] + (block - 1) / 2;
     for (int k = 2; k < 6; k++) result->theta[k] *= block;
@@ -459,7 +469,7 @@ static status align_plainly(model *m, const surroundings *around, const double *
     state = read_pixels(m, around->crop, result->theta, PIXELS, taken, &chosen);
     if (state != DONE) return state;
     /* a DoG's size, contrast and blur are hard to tell apart */
-    *result = fit(m, &chosen, result->theta, &before, m->is_round ? (patience){40, 1.0, 1e-2} : (patience){15, 1e-2, 1e-2});
+    *result = fit(m, &chosen, result->theta, &before, m->is_round ? (patience){40, 1.0, 1e-2, 0} : (patience){15, 1e-2, 1e-2, 0});
     return result->converged ? fill_sandwich(m, &chosen, result->theta, result->noise, before.precision, covariance, taken)
                              : DONE;
 }
@@ -518,7 +528,7 @@ EXPORT status gauss_newton(const float *seen, int64_t n, const int32_t *xy, cons
     memcpy(before.mean, mean, PLAIN * sizeof *mean);
     memcpy(before.precision, precision, PLAIN * sizeof *precision);
     use_all(&before);
-    fitted result = fit(&m, &(pixels){xy, seen, n}, start, &before, (patience){steps, done, done});
+    fitted result = fit(&m, &(pixels){xy, seen, n}, start, &before, (patience){steps, done, done, 0});
     memcpy(theta, result.theta, PLAIN * sizeof *theta);
     *noise = result.noise, *converged = result.converged;
     return DONE;

@@ -43,10 +43,11 @@ typedef struct {
 } prior;
 
 /* When a fit ends: after so many steps, or one shorter than √enough standard deviations; it has converged when one is
-   shorter than √converged. */
+   shorter than √converged. It also ends, without having converged, where its steps cannot bring the noise below a goal
+   above 0. */
 typedef struct {
     int64_t steps;
-    double converged, enough;
+    double converged, enough, goal;
 } patience;
 
 static inline void hold(prior *before, int k) { before->precision[k] = HELD, before->mean[k] = 0, before->used[k] = false; }

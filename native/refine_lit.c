@@ -14,7 +14,7 @@ static const double COVERED_NOISE = 6, COVERED_SHARE = 0.006, CUT_SIGMAS = 3, CU
 static const double FIRST_CUT = 4;
 static const double RIM_BLUR = 0.03, WHITE_RIM = 3;
 
-static const patience LAST_FIT = {10, 1.0, 1e-2}, LONG_FIT = {25, 1.0, 1e-2};
+static const patience LAST_FIT = {10, 1.0, 1e-2, 0}, LONG_FIT = {25, 1.0, 1e-2, 0}, SHORT_FIT = {4, 1.0, 0.1, 0};
 
 static double per_square(double spread) { return 1 / (spread * spread); }
 
@@ -32,6 +32,12 @@ static void keep_better(const pixels *chosen, const fitted *richer, fitted *resu
     if (richer->converged && richer->theta[8] > 0 && gain > WORTH) *result = *richer;
 }
 
+/* A fit that ends where it cannot be worth its parameters. */
+static patience to_be_worth(patience limits, const pixels *chosen, const fitted *poorer) {
+    limits.goal = poorer->noise * same_exp(-2 * WORTH / (double)chosen->count);
+    return limits;
+}
+
 /* The fit of blur along a direction, with the planes of light that were kept. */
 static fitted fit_motion(model *m, const pixels *chosen, double size, const fitted *still, prior *before) {
     double start[LIT];
@@ -40,7 +46,7 @@ static fitted fit_motion(model *m, const pixels *chosen, double size, const fitt
     for (int k = 11; k < 15; k++) if (still->theta[k] == 0) before->precision[k] = HELD;
     before->precision[16] = before->precision[17] = per_square(MOTION_SPREAD * size * MOTION_SPREAD * size);
     use_free(before);
-    return fit(m, chosen, start, before, LAST_FIT);
+    return fit(m, chosen, start, before, to_be_worth(LAST_FIT, chosen, still));
 }
 
 /* The fit of a pattern that something covers in part: pixels that are far off count little, at first only those very far
@@ -56,7 +62,7 @@ static void fit_covered(model *m, const pixels *chosen, double sigma, prior *bef
     use_free(before);
     for (double times = FIRST_CUT; times >= 1; times /= 2) {
         m->cut = times * greater(CUT_SIGMAS * sigma, CUT_SHARE * gain);
-        robust = fit(m, chosen, robust.theta, before, LAST_FIT);
+        robust = fit(m, chosen, robust.theta, before, times > 1 ? SHORT_FIT : LAST_FIT);
     }
     if (robust.converged && robust.theta[8] > 0 && robust.share > LEAST_SHARE && robust.noise < LEFT * result->noise)
         *result = robust, *cut = m->cut;
@@ -90,7 +96,7 @@ static void fit_light(model *m, const pixels *chosen, double size, double sigma,
     if (!has_ramp && is_lost(result, sigma)) result->length = INFINITY;
     if (!has_ramp && (result->length == INFINITY || !may_improve(chosen, result, sigma))) return;
     free_planes(before);
-    fitted lit = fit(m, chosen, result->theta, before, has_ramp ? LONG_FIT : LAST_FIT);
+    fitted lit = fit(m, chosen, result->theta, before, to_be_worth(has_ramp ? LONG_FIT : LAST_FIT, chosen, result));
     keep_better(chosen, &lit, result);
     if (is_lost(result, sigma)) result->length = INFINITY;
     if (result->length == INFINITY || !may_improve(chosen, result, sigma)) return;
@@ -125,7 +131,7 @@ static status fit_image(model *m, picture crop, double size, double focal, doubl
     if (state != DONE || all.count < part.count * 3 / 2) return state;
     prior last = last_prior(m, result->theta, size, focal);
     m->cut = *cut;
-    fitted polished = fit(m, &all, result->theta, &last, (patience){6, 1.0, 1e-2});
+    fitted polished = fit(m, &all, result->theta, &last, (patience){6, 1.0, 1e-2, 0});
     m->cut = 0;
     if (polished.converged && polished.theta[8] > 0) *result = polished;
     return DONE;
@@ -175,7 +181,7 @@ static status align_lit(model *m, const surroundings *around, const double *cent
     if (state != DONE || *ratio > hopeless) return state;
     before.mean[10] = result->theta[10] = SHARP;
     if (around->block > 1)
-        state = fit_picture(m, around->level, result->theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0}, result);
+        state = fit_picture(m, around->level, result->theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0, 0}, result);
     if (state != DONE) return state;
     for (int k = 0; k < 2; k++) result->theta[k] = block * result->theta[k] + (block - 1) / 2;
     for (int k = 2; k < 6; k++) result->theta[k] *= block;
@@ -282,7 +288,7 @@ EXPORT status lit_fit(const float *seen, int64_t n, const int32_t *xy, const dou
     memcpy(before.mean, mean, sizeof before.mean);
     memcpy(before.precision, precision, sizeof before.precision);
     use_free(&before);
-    fitted result = fit(&m, &(pixels){xy, seen, n}, start, &before, (patience){steps, 1.0, enough});
+    fitted result = fit(&m, &(pixels){xy, seen, n}, start, &before, (patience){steps, 1.0, enough, 0});
     memcpy(theta, result.theta, sizeof result.theta);
     *noise = result.noise, *converged = result.converged;
     return DONE;

@@ -107,19 +107,21 @@ static bool is_taken(int64_t x, int64_t y, bool near, int64_t stride) {
     return near ? (x + y) % stride == 0 : x % (4 * stride) == 0 && y % (4 * stride) == 0;
 }
 
+/* Pixels follow each other in blocks of 4 × 2, so that eight of them see few lines. */
 static int64_t select_from(const model *m, const double *theta, int64_t height, int64_t width, int64_t stride,
                            int32_t *xy, bool *near) {
     bounds b = pixel_bounds(theta, m->extent, width, height);
     double reach = 2.5 * sqrt(PIXEL_VARIANCE + theta[10]);
     int64_t count = 0;
-    for (int64_t y = b.top; y < b.bottom; y++)
+    for (int64_t top = b.top; top < b.bottom; top += 2)
         for (int64_t left = b.left; left < b.right; left += 8) {
-            lanes8 kinds = rate8(m, theta, (float)reach, left, y);
-            for (int64_t i = 0; i < least(8, b.right - left); i++) {
-                int64_t x = left + i;
-                if (!kinds[i] || !is_taken(x, y, kinds[i] == 2, stride)) continue;
+            lanes8 kinds[2] = {rate8(m, theta, (float)reach, left, top), rate8(m, theta, (float)reach, left, top + 1)};
+            for (int64_t i = 0; i < 16; i++) {
+                int64_t column = i % 4 + i / 8 * 4, row = i / 4 % 2, x = left + column, y = top + row;
+                int32_t kind = x < b.right && y < b.bottom ? kinds[row][column] : 0;
+                if (!kind || !is_taken(x, y, kind == 2, stride)) continue;
                 xy[2 * count] = (int32_t)x, xy[2 * count + 1] = (int32_t)y;
-                near[count++] = kinds[i] == 2;
+                near[count++] = kind == 2;
             }
         }
     return count;

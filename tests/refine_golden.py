@@ -84,6 +84,7 @@ def _derivatives(views: Views) -> dict[str, NDArray[np.float64]]:
     )
     image = views.image.astype(np.float32)
     pixels = chosen_pixels(image, theta, lines, 0.5, 300)
+    pixels = pixels[np.lexsort(pixels.T)]
     lit, lit_slopes = lit_residuals(image, pixels, theta, np.array([300.0, 185.0, 42.0]), lines, index, base)
     plain, slopes = residuals(image, pixels, theta[:11], lines, Pattern(lines, base[index], 0.5).levels)
     return {

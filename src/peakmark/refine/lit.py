@@ -5,7 +5,7 @@ tone curve and a printer's together. *Light*: gain and offset vary over the mark
 along one direction. *Clipping*: where model and image are both at white, nothing is compared. *Covers*: where much is
 left that noise does not explain, pixels that are far off count little (Geman & McClure), at first only those very far.
 Tone is fitted first; planes and motion after it, and kept only where the log likelihood gains 25, for planes from the
-start let blur explain a pattern away.
+start let blur explain a pattern away; a fit that cannot gain as much any more ends.
 
 Parameters: the eleven of `refine.model`; the slopes of gain along x and y, and those of the offset; ln γ; and d, e of
 the blur's covariance ((b + d, e), (e, b − d)), px². Slopes are shares of the gain a side, measured from the anchor: its
