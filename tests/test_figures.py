@@ -1,0 +1,113 @@
+"""Figures in the README and on the site are those of the data files that the named commands wrote."""
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from peaksim import load_scene
+
+from peakmark.experiments.detectability.envelope import load_rates, reach
+from tests.places import ROOT
+
+CAMERAS = (("640×480", 600.0), ("1920×1080", 1400.0), ("2048×1536", 1774.0), ("4000×3000, a phone", 2890.0))
+"""Of the table in "Choose a size": its first two columns."""
+
+SIDE_M = 0.08
+
+
+def text(page: str) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def data(name: str) -> Any:
+    return json.loads(text(f"docs/figures/data/{name}.json"))
+
+
+def reached(focal_px: float) -> dict[float, Any]:
+    """Return tilt → where a marker of 8 cm is found, from the shipped rates."""
+    return {one.tilt_deg: one for one in reach(load_rates(), focal_px, SIDE_M)}
+
+
+@pytest.mark.parametrize(("camera", "focal_px"), CAMERAS)
+def test_how_far_a_marker_is_seen(camera: str, focal_px: float) -> None:
+    at = reached(focal_px)
+    near, far, steep = at[0.0].nearest_m, at[0.0].farthest_m, at[60.0].farthest_m
+    row = f"| {camera} | {focal_px:g} | {near:.2f} to {far:.2f} m | to {steep:.2f} m |"
+    assert row in text("docs/how-to/choose-a-size.md")
+
+
+def test_the_first_page_says_the_same() -> None:
+    small, phone = reached(600.0)[0.0].farthest_m, reached(2890.0)[0.0].farthest_m
+    page = text("docs/index.md")
+    assert f"to {small:.1f} m with 640×480 and f = 600 px, to {phone:.1f} m with a 12-megapixel phone" in page
+
+
+def test_the_sides_that_a_marker_needs() -> None:
+    rates = load_rates()
+    good = rates.detected_low >= 0.95
+    facing = rates.side_px[good[rates.tilt_deg == 0][0]].min()
+    steep = rates.side_px[good[rates.tilt_deg == 60][0]].min()
+    page = text("docs/how-to/choose-a-size.md")
+    assert f"A marker needs {facing:.0f} px facing the camera, and about twice that at 60°" in page
+    assert 1.8 < steep / facing < 2.2
+    assert f"95 % interval\nfrom {100 * rates.detected_low.max():.1f} %" in page.replace("interval ", "interval\n")
+
+
+def test_the_tables_of_the_envelope() -> None:
+    page = text("docs/figures/detectability.md")
+    for tilt, one in reached(load_scene("floor").camera.fx).items():
+        gaps = ", ".join(f"{a:.2f}–{b:.2f} m" for a, b in one.gaps_m)
+        cells = [f"{tilt:g}°", f"{one.nearest_m:.2f} m", f"{one.farthest_m:.2f} m", gaps]
+        rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in page.splitlines() if "│" in line]
+        assert cells in rows
+
+
+def test_the_lab_floor() -> None:
+    floor, paper = data("floor"), data("floor_preset_paper")
+    rows = dict(re.findall(r"^│ (.+?) +│ +(.+?) │$", text("docs/figures/floor.md"), flags=re.MULTILINE))
+    assert rows["features"] == f"{floor['features']:,}"
+    assert (rows["markers in view"], rows["markers found"]) == ("14", "14")
+    assert (floor["markers_in_view"], floor["markers_found"], floor["false_detections"]) == (14, 14, 0)
+    assert rows["responses above all clutter"] == f"{floor['responses_above_clutter']} for 14 markers"
+    assert float(rows["response drop, last marker over strongest clutter"]) == pytest.approx(
+        floor["response_drop"], abs=5e-4
+    )
+    for name in ("bias", "rms", "p95"):
+        assert float(rows[f"localisation {name} (px)"]) == pytest.approx(floor["localisation_px"][name], rel=1e-3)
+    page = text("docs/figures/floor.md")
+    assert f"| features | {floor['features']:,} | {paper['features']:,} |".replace(",", " ") in page
+    drops = f"{floor['response_drop']:.2f} | {paper['response_drop']:.2f} |"
+    assert f"| response, last marker over strongest clutter | {drops}" in page
+    assert f"14 of 14 markers are the strongest features, factor {floor['response_drop']:.0f} to the clutter" in text(
+        "README.md"
+    )
+
+
+def test_surf_beside_opencv() -> None:
+    ratios = json.loads(text("benchmarks/baseline.json"))
+    page, speeds = text("docs/how-to/find-surf-key-points.md"), text("benchmarks/README.md")
+    listed = [float(value) for value in re.findall(r"\(×([\d.]+)\)", speeds)]
+    for name, image in (("floor 2048×3072", "lab floor"), ("photograph 1024×768",) * 2, ("photograph 640×480",) * 2):
+        jobs = ("detect", "detect + describe", "strongest 200")
+        factors = [ratios[f"{name} | {job} | opencv SURF"] for job in jobs]
+        (row,) = (line for line in page.splitlines() if line.startswith(f"| {image}"))
+        shown = [float(value) for value in re.findall(r"×([\d.]+) \|", row)]
+        assert shown == [pytest.approx(f, abs=0.06 if f < 10 else 0.51) for f in factors]
+        for job in jobs:
+            for rival in ("opencv SURF", "opencv SIFT", "mahotas SURF"):
+                ratio = ratios[f"{name} | {job} | {rival}"]
+                assert min(abs(shown - ratio) for shown in listed) <= 0.055
+    detect = [value for key, value in ratios.items() if "opencv SURF" in key and "strongest" not in key]
+    assert f"{np.floor(min(detect)):.0f} to {np.floor(max(detect)):.0f} times faster" in text("README.md")
+
+
+def test_every_page_of_figures_names_its_command_and_every_data_file_its_own() -> None:
+    index = text("docs/figures/index.md")
+    for page in (ROOT / "docs" / "figures").glob("*.md"):
+        if page.name != "index.md":
+            (row,) = (line for line in index.splitlines() if f"({page.name})" in line)
+            assert "`" in row
+    for file in (ROOT / "docs" / "figures" / "data").glob("*.json"):
+        assert json.loads(file.read_text(encoding="utf-8"))["command"].startswith(("peakmark ", "python "))
