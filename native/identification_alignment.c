@@ -18,15 +18,21 @@ static double dot(const double *a, const double *b, int64_t n) {
     return sum4(lanes) + rest;
 }
 
-/* Write what least squares over rows of a basis (k, n) leave of values (n,). */
-static void leave(const double *basis, int64_t k, const double *values, int64_t n, double *left) {
-    double gram[MOST_ROWS * MOST_ROWS], weights[MOST_ROWS];
+/* Products of the rows of a basis (k, n) with each other. */
+static void fill_gram(const double *basis, int64_t k, int64_t n, double *gram) {
+    for (int64_t a = 0; a < k; a++)
+        for (int64_t b = 0; b <= a; b++) gram[a * MOST_ROWS + b] = gram[b * MOST_ROWS + a] = dot(basis + a * n, basis + b * n, n);
+}
+
+/* Write what least squares over the first k rows of a basis leave of values (n,). */
+static void leave(const double *basis, const double *gram, int64_t k, const double *values, int64_t n, double *left) {
+    double own[MOST_ROWS * MOST_ROWS], weights[MOST_ROWS];
     for (int64_t a = 0; a < k; a++) {
-        for (int64_t b = 0; b <= a; b++) gram[a * k + b] = gram[b * k + a] = dot(basis + a * n, basis + b * n, n);
-        gram[a * k + a] += 1e-6 * (double)n;
+        memcpy(own + a * k, gram + a * MOST_ROWS, (size_t)k * sizeof *own);
+        own[a * k + a] += 1e-6 * (double)n;
         weights[a] = dot(basis + a * n, values, n);
     }
-    solve(gram, k, weights, 1); /* positive definite, for its diagonal is */
+    solve(own, k, weights, 1); /* positive definite, for its diagonal is */
     memcpy(left, values, (size_t)n * sizeof *left);
     for (int64_t a = 0; a < k; a++)
         for (int64_t i = 0; i < n; i++) left[i] -= weights[a] * basis[a * n + i];
@@ -111,12 +117,14 @@ static double drop_covered(model *m, const double *theta, double *r, int32_t *xy
 static void measure(model *m, const double *theta, const pixels *chosen, const columns *c, const double *knots,
                     int64_t knot_count, double *figures) {
     int64_t rows = 3 + knot_count;
+    double gram[MOST_ROWS * MOST_ROWS];
     fill_basis(c, chosen, theta, m->anchor, knots, knot_count);
     compare_all(m, theta, chosen, c->r, NULL);
     for (int64_t i = 0; i < c->n; i++) c->predicted[i] = c->values[i] - c->r[i];
-    leave(c->basis, 3, c->values, c->n, c->flat);
-    leave(c->basis, rows, c->values, c->n, c->round);
-    leave(c->basis, rows, c->predicted, c->n, c->predicted_round);
+    fill_gram(c->basis, rows, c->n, gram);
+    leave(c->basis, gram, 3, c->values, c->n, c->flat);
+    leave(c->basis, gram, rows, c->values, c->n, c->round);
+    leave(c->basis, gram, rows, c->predicted, c->n, c->predicted_round);
     figures[0] = (double)c->n, figures[1] = dot(c->flat, c->flat, c->n), figures[2] = dot(c->round, c->round, c->n);
     figures[3] = dot(c->r, c->r, c->n);
     figures[4] = dot(c->round, c->predicted_round, c->n) /
@@ -156,13 +164,17 @@ static void fill_cells(model *m, const uint8_t *gray, int64_t height, int64_t wi
     counted tile = {.count = 0};
     prepare(m, theta);
     for (int64_t y = top; y <= bottom; y += step)
-        for (int64_t x = left; x <= right; x += step) {
-            pattern_view at = pattern_point(theta, (double)x, (double)y);
-            if (!(at.w > 0.05 && fabs(at.u) < reach && fabs(at.v) < reach)) continue;
-            tile.xy[2 * tile.count] = (int32_t)x, tile.xy[2 * tile.count + 1] = (int32_t)y;
-            tile.levels[tile.count] = gray[y * width + x];
-            tile.cells[tile.count++] = cell_at(at.v, reach) * CELLS + cell_at(at.u, reach);
-            if (tile.count == TILE) count_up(m, theta, &tile, sums, counts);
+        for (int64_t x = left; x <= right; x += 8 * step) {
+            float8 from_center = all8((float)((double)x - theta[0])) + all8((float)step) * STEPS;
+            eight_views at = view8(theta, from_center, all8((float)((double)y - theta[1])));
+            lanes8 is_inside = (at.w > all8(0.05f)) & (absolute8(at.u) < all8((float)reach)) & (absolute8(at.v) < all8((float)reach));
+            for (int64_t i = 0; i < 8 && x + i * step <= right; i++) {
+                if (!is_inside[i]) continue;
+                tile.xy[2 * tile.count] = (int32_t)(x + i * step), tile.xy[2 * tile.count + 1] = (int32_t)y;
+                tile.levels[tile.count] = gray[y * width + x + i * step];
+                tile.cells[tile.count++] = cell_at(at.v[i], reach) * CELLS + cell_at(at.u[i], reach);
+                if (tile.count == TILE) count_up(m, theta, &tile, sums, counts);
+            }
         }
     count_up(m, theta, &tile, sums, counts);
 }
@@ -210,6 +222,37 @@ EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t wid
         if (state == DONE) fill_cells(&m, gray, height, width, theta, sums, counts);
     }
     give_back(&taken);
+    return state;
+}
+
+/* Whether a fit was not given up, has at least 8 px a side, and is not far from where it began. */
+static bool is_near(const double *theta, const double *center, double size, double step) {
+    bool is_finite = isfinite(step);
+    for (int k = 0; k < LIT; k++) is_finite = is_finite && isfinite(theta[k]);
+    double side = sqrt(fabs(theta[2] * theta[5] - theta[3] * theta[4])), x = theta[0] - center[0], y = theta[1] - center[1];
+    return is_finite && side >= 8 && sqrt(x * x + y * y) <= 0.35 * side && 0.5 < side / size && side / size < 2;
+}
+
+/* Align the pattern near each position and measure that, as `align_in_light` and `measure_alignment`; what is none has 0
+   pixels. */
+EXPORT status align_each(const uint8_t *gray, int64_t height, int64_t width, const double *xy, int64_t n, const double *sides,
+                         const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
+                         const double *base, int64_t base_count, double extent, double focal, const double *samples, int64_t sample_count,
+                         const double *expected, const double *shapes, int64_t shape_count, double sigma, double hopeless,
+                         const double *knots, int64_t knot_count, double *theta, double *fits, double *figures,
+                         double *sums, double *counts) {
+    status state = DONE;
+    for (int64_t k = 0; k < n && state == DONE; k++) {
+        double *found = theta + LIT * k, *fit = fits + 4 * k;
+        const double *center = xy + 2 * k;
+        figures[8 * k] = 0;
+        state = align_in_light(gray, height, width, center, sides[k], lines, line_count, index, rows, intervals, base,
+                               base_count, extent, focal, samples, sample_count, expected, shapes, shape_count, sigma, hopeless, found, fit);
+        if (state != DONE || !is_near(found, center, sides[k], fit[1])) continue;
+        state = measure_alignment(gray, height, width, found, center, sides[k], lines, line_count, index, rows, intervals, base,
+                                  base_count, extent, knots, knot_count, fit[3], figures + 8 * k, sums + CELLS * CELLS * k,
+                                  counts + CELLS * CELLS * k);
+    }
     return state;
 }
 

@@ -418,6 +418,32 @@ static void multiply(const double *a, const double *b, int64_t n, double *out) {
         }
 }
 
+/* A pixel's own share in its residual is at least so much: those that a cut lets count little would have less than none. */
+static const double LEAST_LEFT = 0.1;
+
+/* Add e² j jᵀ of some pixels to the middle (n, n), e being a pixel's residual from a fit without it, over the noise. */
+static void add_squares(const double *r, const double *jacobian, int64_t stride, int64_t count, const double *inverse, int64_t n,
+                        double noise, double *middle) {
+    double leverage[TILE] = {0}, weight[TILE] = {0}, sums[TILE], scaled[LIT][TILE] = {{0}};
+    for (int64_t a = 0; a < n; a++) {
+        const double *row = jacobian + a * stride;
+        for (int64_t i = 0; i < count; i++) sums[i] = inverse[a * n + a] * row[i] / 2;
+        for (int64_t b = 0; b < a; b++)
+            for (int64_t i = 0; i < count; i++) sums[i] += inverse[a * n + b] * jacobian[b * stride + i];
+        for (int64_t i = 0; i < count; i++) leverage[i] += 2 * row[i] * sums[i];
+    }
+    for (int64_t i = 0; i < count; i++) weight[i] = r[i] / sqrt(greater(1 - leverage[i] / noise, LEAST_LEFT)) / noise;
+    for (int64_t a = 0; a < n; a++)
+        for (int64_t i = 0; i < count; i++) scaled[a][i] = weight[i] * jacobian[a * stride + i];
+    for (int64_t a = 0; a < n; a++)
+        for (int64_t b = 0; b <= a; b++) {
+            double4 lanes = {0};
+            for (int64_t i = 0; i < TILE; i += 4) lanes += load4(scaled[a] + i) * load4(scaled[b] + i);
+            middle[a * n + b] += sum4(lanes);
+            if (a != b) middle[b * n + a] = middle[a * n + b];
+        }
+}
+
 /* The covariance (n, n) of fitted parameters, see `sandwich` in align.py; where the pixels do not tell it, it stays. */
 status fill_sandwich(model *m, const pixels *chosen, const double *theta, double noise, const double *precision,
                      double *covariance, memory *taken) {
@@ -433,15 +459,8 @@ status fill_sandwich(model *m, const pixels *chosen, const double *theta, double
     for (int64_t k = 0; k < n * n; k++) hessian[k] = sums.hessian[k] / noise;
     for (int64_t k = 0; k < n; k++) hessian[k * n + k] += precision[k] + RIDGE, inverse[k * n + k] = 1;
     if (!solve(hessian, n, inverse, n)) return DONE;
-    for (int64_t i = 0; i < count; i++) {
-        double j[LIT], leverage = 0;
-        for (int64_t k = 0; k < n; k++) j[k] = jacobian[k * count + i];
-        for (int64_t a = 0; a < n; a++)
-            for (int64_t b = 0; b < n; b++) leverage += j[a] * inverse[a * n + b] * j[b];
-        double own = r[i] / sqrt(1 - leverage / noise) / noise, weight = own * own;
-        for (int64_t a = 0; a < n; a++)
-            for (int64_t b = 0; b < n; b++) middle[a * n + b] += weight * j[a] * j[b];
-    }
+    for (int64_t first = 0; first < count; first += TILE)
+        add_squares(r + first, jacobian + first, count, least(TILE, count - first), inverse, n, noise, middle);
     for (int64_t k = 0; k < n; k++) middle[k * n + k] += precision[k];
     multiply(inverse, middle, n, half);
     multiply(half, inverse, n, covariance);

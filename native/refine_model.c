@@ -49,22 +49,6 @@ int64_t pixels_around(const model *m, const double *theta, int64_t height, int64
     return area(pixel_bounds(theta, m->extent, width, height));
 }
 
-/* Where pixels look, as `pattern_point`, of eight of them: from the pattern's centre, px. */
-typedef struct {
-    float8 u, v, w, ux, uy, vx, vy;
-} eight_views;
-
-static inline eight_views view8(const double *theta, float8 x, float8 y) {
-    float8 g1 = all8((float)theta[6]), g2 = all8((float)theta[7]);
-    float8 b11 = all8((float)theta[2]) - x * g1, b12 = all8((float)theta[3]) - x * g2;
-    float8 b21 = all8((float)theta[4]) - y * g1, b22 = all8((float)theta[5]) - y * g2;
-    float8 determinant = b11 * b22 - b12 * b21, inverse = all8(1) / determinant;
-    lanes8 is_before = determinant > all8(0);
-    float8 u = only8(is_before, (b22 * x - b12 * y) * inverse), v = only8(is_before, (b11 * y - b21 * x) * inverse);
-    float8 w = only8(is_before, all8(1) + g1 * u + g2 * v), scale = only8(is_before, w * inverse), back = all8(0) - scale;
-    return (eight_views){u, v, w, scale * b22, back * b12, back * b21, scale * b11};
-}
-
 /* A round pattern's radius where eight pixels look, and its gradient in the image and across it. */
 typedef struct {
     float8 radius, x, y, p, q;
@@ -88,8 +72,7 @@ static lanes8 rate_round8(const model *m, const eight_views *at, float reach) {
 
 /* Whether each of eight pixels of a row is inside the extent: 0 no, 1 yes, 2 yes and within reach of a line. */
 static lanes8 rate8(const model *m, const double *theta, float reach, int64_t left, int64_t y) {
-    static const float8 steps = {0, 1, 2, 3, 4, 5, 6, 7};
-    eight_views at = view8(theta, all8((float)((double)left - theta[0])) + steps, all8((float)((double)y - theta[1])));
+    eight_views at = view8(theta, all8((float)((double)left - theta[0])) + STEPS, all8((float)((double)y - theta[1])));
     if (m->is_round) return rate_round8(m, &at, reach);
     float8 reach_u = all8(reach) * root8(at.ux * at.ux + at.uy * at.uy), u = absolute8(at.u);
     float8 reach_v = all8(reach) * root8(at.vx * at.vx + at.vy * at.vy), v = absolute8(at.v), extent = all8((float)m->extent);
@@ -264,7 +247,7 @@ static void fill_shares(const model *m, float8 u, const axis_columns *axis, int6
         float8 at_left = density8(left), at_right = density8(right), up_left = normal8(left, at_left), up_right = normal8(right, at_right);
         lanes8 is_seen = absolute8(t) < reach;
         float8 step = (left * up_left + at_left - right * up_right - at_right) * sigma * per_width;
-        step = choose8(is_seen, step, choose8(t > all8(0), all8(1), all8(0)));
+        step = choose8(is_seen, step, only8(t > all8(0), all8(1)));
         float8 slope = only8(is_seen, (up_left - up_right) * per_width), bend = only8(is_seen, (at_left - at_right) * per_sigma * per_width);
         shares->value[k] = above - step, shares->slope[k] = above_slope - slope, shares->bend[k] = above_bend - bend;
         above = step, above_slope = slope, above_bend = bend;

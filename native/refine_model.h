@@ -3,6 +3,7 @@
 #ifndef REFINE_MODEL_H
 #define REFINE_MODEL_H
 
+#include "lanes.h"
 #include "memory.h"
 #include "peak.h"
 
@@ -67,6 +68,24 @@ static inline pattern_view pattern_point(const double *theta, double x, double y
     double u = (b22 * dx - b12 * dy) / determinant, v = (b11 * dy - b21 * dx) / determinant;
     double w = is_before ? 1 + theta[6] * u + theta[7] * v : 0, scale = is_before ? w / determinant : 0;
     return (pattern_view){is_before ? u : 0, is_before ? v : 0, w, scale * b22, -scale * b12, -scale * b21, scale * b11};
+}
+
+static const float8 STEPS = {0, 1, 2, 3, 4, 5, 6, 7};
+
+/* Where pixels look, as `pattern_point`, of eight of them: from the pattern's centre, px. */
+typedef struct {
+    float8 u, v, w, ux, uy, vx, vy;
+} eight_views;
+
+static inline eight_views view8(const double *theta, float8 x, float8 y) {
+    float8 g1 = all8((float)theta[6]), g2 = all8((float)theta[7]);
+    float8 b11 = all8((float)theta[2]) - x * g1, b12 = all8((float)theta[3]) - x * g2;
+    float8 b21 = all8((float)theta[4]) - y * g1, b22 = all8((float)theta[5]) - y * g2;
+    float8 determinant = b11 * b22 - b12 * b21, inverse = all8(1) / determinant;
+    lanes8 is_before = determinant > all8(0);
+    float8 u = only8(is_before, (b22 * x - b12 * y) * inverse), v = only8(is_before, (b11 * y - b21 * x) * inverse);
+    float8 w = only8(is_before, all8(1) + g1 * u + g2 * v), scale = only8(is_before, w * inverse), back = all8(0) - scale;
+    return (eight_views){u, v, w, scale * b22, back * b12, back * b21, scale * b11};
 }
 
 /* Normal equations of a fit: Σ w, Σ w r², J w r and J w Jᵀ over the pixels; the weights w are 1 but for a `cut`. */

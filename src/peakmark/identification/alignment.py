@@ -11,10 +11,10 @@ from peaksim.native import function
 
 from peakmark.markers.patterns import Variant, surf_cells
 from peakmark.markers.profile import sift_profile
-from peakmark.parallel import map_parallel
+from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
-from peakmark.refine.lit import PARAMETERS, LitFit, align_in_light, correlate_candidates, finish_in_light
+from peakmark.refine.lit import PARAMETERS, correlate_candidates, finish_in_light
 from peakmark.refine.model import Pattern, predict
 from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
 
@@ -41,6 +41,13 @@ _measure_alignment = function(
     "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts)"
 )
 
+_align_each = function(
+    "status align_each(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, const f8[line_count] lines, "
+    "const i8[rows,intervals] index, const f8[base_count] base, f8 extent, f8 focal, "
+    "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[shape_count,2,2] shapes, f8 sigma, "
+    "f8 hopeless, const f8[knot_count] knots, f8[n,18] theta, f8[n,4] fits, f8[n,8] figures, f8[n,121] sums, "
+    "f8[n,121] counts)"
+)
 _block_medians = function("void block_medians(const u1[height,width] gray, f8[down,across] medians)")
 
 
@@ -157,28 +164,22 @@ def align_candidates(
     gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], variant: Variant, sigma: float
 ) -> Aligned:
     """Align candidates with one of the markers in an image of noise σ; those that are none are left out."""
-    pattern, template, focal = lit_pattern(variant), lit_template(variant), float(max(gray.shape))
-    shapes, extent = shapes_of(variant), extent_of(variant)
+    focal, limits = float(max(gray.shape)), (sigma, HOPELESS)
+    coarse = (*lit_template(variant), shapes_of(variant))
+    settings = (*lit_pattern(variant), extent_of(variant), focal, *coarse, *limits)
+    theta, fits, figures = (np.empty((len(xy), width)) for width in (PARAMETERS, 4, 8))
+    sums, counts = np.empty((2, len(xy), CELLS**2))
 
-    def align(k: int) -> tuple[LitFit, tuple[NDArray[np.float64], ...]] | None:
-        center, side_px = xy[k], float(sides_px[k])
-        fit = align_in_light(gray, center, side_px, *pattern, extent, focal, *template, shapes, sigma, HOPELESS)
-        if not _is_near(fit, center, side_px):
-            return None
-        measured = measure_alignment(gray, fit.theta, center, side_px, *pattern, extent, _KNOTS, fit.cut)
-        return (fit, measured) if measured[0][0] else None
+    def align(cut: tuple[int, int]) -> None:
+        own = slice(*cut)
+        columns = (theta[own], fits[own], figures[own], sums[own], counts[own])
+        _align_each(gray, xy[own], sides_px[own], *settings, _KNOTS, *columns)
 
-    found = map_parallel(align, range(len(xy)))
-    rows = np.array([k for k, one in enumerate(found) if one is not None], dtype=np.intp)
-    fits = [one[0] for one in found if one is not None]
-    measures = [one[1] for one in found if one is not None]
-    noise, step, ratio, cut = (
-        np.array([getattr(fit, name) for fit in fits]) for name in ("noise", "step", "ratio", "cut")
-    )
-    figures, sums, counts = (np.array([one[k] for one in measures]) for k in range(3))
-    theta = np.array([fit.theta for fit in fits]).reshape(-1, PARAMETERS)
-    cells = (sums.reshape(-1, CELLS, CELLS), counts.reshape(-1, CELLS, CELLS))
-    return Aligned(rows, xy[rows], sides_px[rows], theta, noise, step, ratio, cut, figures.reshape(-1, 8), *cells)
+    map_parallel(align, bands(len(xy), 1 if thread_count() == 1 else len(xy)))
+    rows = np.flatnonzero(figures[:, 0] > 0)
+    noise, step, ratio, cut = fits[rows].T
+    cells = (sums[rows].reshape(-1, CELLS, CELLS), counts[rows].reshape(-1, CELLS, CELLS))
+    return Aligned(rows, xy[rows], sides_px[rows], theta[rows], noise, step, ratio, cut, figures[rows], *cells)
 
 
 def finished(
@@ -195,16 +196,6 @@ def finished(
     theta, covariance = finish_in_light(gray, aligned.theta[row], center, side_px, *lit_pattern(variant), *extra)
     is_rounded = aligned.noise[row] < DITHER**2
     return theta, np.asarray(covariance[:2, :2] + is_rounded * FLOOR_PX**2 * np.eye(2))
-
-
-def _is_near(fit: LitFit, xy: NDArray[np.float64], side_px: float) -> bool:
-    """Return whether a fit was not given up, has at least 8 px a side, and is not far from where it began."""
-    theta = fit.theta
-    if not np.isfinite(fit.step) or not np.isfinite(theta).all():
-        return False
-    side = sqrt(abs(theta[2] * theta[5] - theta[3] * theta[4]))
-    moved = float(np.hypot(*(theta[:2] - xy)))
-    return side >= 8 and moved <= 0.35 * side and 0.5 < side / side_px < 2
 
 
 def noise_sigma_of(gray: NDArray[np.uint8]) -> float:
