@@ -1,7 +1,7 @@
 """Speed and memory of SURF against OpenCV's and mahotas's: `make bench`.
 
-Every figure is a ratio, their time over ours, of medians of runs that alternate in one process. Ratios are compared
-with `baseline.json`; `--update` writes them there. OpenCV's own SURF takes part where cv2 was built with it.
+Every figure is a ratio, their processor time over ours, of medians of runs that alternate in one process. Ratios are
+compared with `baseline.json`; `--update` writes them there. OpenCV's own SURF takes part where cv2 was built with it.
 """
 
 import argparse
@@ -11,7 +11,7 @@ import tempfile
 from itertools import chain
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
 
 import cv2
 import numpy as np
@@ -36,6 +36,8 @@ def main() -> None:
     cv2.setNumThreads(thread_count())
     ratios: Ratios = {}
     for name, gray in benchmark_images().items():
+        if arguments.only not in name:
+            continue
         times = measure(jobs(gray), arguments.seconds)
         ratios |= {f"{name} | {row} | {library}": value for (row, library), value in ratios_of(times).items()}
         console.print(speed_table(name, times))
@@ -48,12 +50,13 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=20.0, help="per table row, all libraries together")
+    parser.add_argument("--only", default="", help="images whose names hold this")
     parser.add_argument("--update", action="store_true", help="write the ratios to the baseline")
     return parser.parse_args()
 
 
 def measure(every: dict[str, dict[str, Job]], seconds: float) -> dict[str, dict[str, list[float]]]:
-    """Row → library → seconds of each run; the libraries of a row alternate, ours before each of theirs."""
+    """Row → library → processor seconds of each run; the libraries of a row alternate, ours before each of theirs."""
     return {row: alternate(libraries, seconds) for row, libraries in every.items()}
 
 
@@ -66,9 +69,9 @@ def alternate(libraries: dict[str, Job], seconds: float) -> dict[str, list[float
     end = perf_counter() + seconds
     while perf_counter() < end or min(map(len, times.values())) < 3:
         for library in order:
-            start = perf_counter()
+            start = process_time()
             libraries[library]()
-            times[library].append(perf_counter() - start)
+            times[library].append(process_time() - start)
     return times
 
 
@@ -85,7 +88,7 @@ def ratios_of(times: dict[str, dict[str, list[float]]]) -> dict[tuple[str, str],
 def speed_table(name: str, times: dict[str, dict[str, list[float]]]) -> Table:
     """Milliseconds, and how often ours fits into theirs."""
     libraries = [library for library in times[ROWS[0]] if library != "peakmark"]
-    table = Table(title=f"{name}: median ms, (× ours)", title_justify="left")
+    table = Table(title=f"{name}: median ms of processor time, (× ours)", title_justify="left")
     for column in ("", "peakmark", *libraries, "target"):
         table.add_column(column, justify="right")
     ratios = ratios_of(times)

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 Graph = Mapping[str, set[str]]
@@ -18,9 +19,19 @@ def files_of(*roots: Path) -> dict[str, Path]:
     return found
 
 
-def imported(path: Path, package: str) -> Iterator[str]:
-    """Yield the dotted names that a file imports, at its top or inside functions, not those for type checkers only."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+@cache
+def parsed(path: Path) -> ast.Module:
+    """Return a file's tree, which is read once."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def imported(path: Path, package: str) -> tuple[str, ...]:
+    """Return the dotted names that a file imports, at its top or inside functions, not those for type checkers only."""
+    return tuple(_imported(parsed(path), package))
+
+
+def _imported(tree: ast.Module, package: str) -> Iterator[str]:
     for_types = {id(node) for block in ast.walk(tree) if _is_type_checking(block) for node in ast.walk(block)}
     for node in ast.walk(tree):
         if id(node) in for_types:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.house import circles, files_of, graph_of, imported, upward
+from tests.house import circles, files_of, graph_of, imported, parsed, upward
 from tests.places import ROOT
 
 SIM_FLOORS = (
@@ -126,7 +126,7 @@ def test_only_heavy_and_optional_libraries_are_imported_inside_functions() -> No
     inside = {
         (name, other)
         for name, path in FILES.items()
-        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for function in ast.walk(parsed(path))
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef)
         for node in ast.walk(function)
         for other in _imports(node)

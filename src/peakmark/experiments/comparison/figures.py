@@ -8,7 +8,7 @@ import numpy as np
 from peakmark.experiments.comparison.comparison import Measured
 from peakmark.experiments.comparison.frames import SWEEPS, View
 from peakmark.experiments.comparison.measure import ReaderOutcome
-from peakmark.experiments.comparison.readers import READERS
+from peakmark.experiments.comparison.readers import READERS, Reader
 from peakmark.score.statistics import quantiles, rate
 
 
@@ -139,8 +139,16 @@ def line_of(
 ) -> Line:
     """Return one figure of all readers that have cases."""
     listed = list(measured)
-    figures = [figure_of(what, reader.name, _of(reader.name, listed)) for reader in READERS]
+    figures = [
+        figure_of(what, reader.name, _of(reader.name, listed)) for reader in READERS if _has(what, reader, listed)
+    ]
     return Line(set_name, what, quantity, value, tuple(figure for figure in figures if figure.value is not None))
+
+
+def _has(what: str, reader: Reader, measured: Sequence[Measured]) -> bool:
+    """Return whether a figure says something of a reader: without numbers, answers are false only where no print is."""
+    hangs = any(each.outcome.prints for each in measured)
+    return reader.has_id or what not in ("false", "pose") or (what == "false" and not hangs)
 
 
 def _of(reader: str, measured: Sequence[Measured]) -> list[ReaderOutcome]:
@@ -211,6 +219,7 @@ TOPICS: tuple[tuple[str, str, str, bool, Chosen], ...] = (
     ("warped", "found when warped into photographs", "recall", True, _set("warped")),
     ("folder", "found in the folder's images", "recall", True, _set("folder")),
     ("false", "photographs without prints with a false answer", "false", False, _set("bare")),
+    ("wrong", "frames with other prints, with a false answer", "false", False, _set("clean", "traced", "warped")),
     ("centre", "centre's error, median", "error_p50", False, _set("traced", "warped")),
     ("pose", "frames that tell the camera's pose", "pose", True, _set("traced", "warped")),
     ("position", "camera's position over its distance, median", "position_p50", False, _set("traced", "warped")),

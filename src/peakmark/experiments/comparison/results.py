@@ -101,6 +101,7 @@ README_TOPICS = (
     "small",
     "tilt",
     "false",
+    "wrong",
     "centre",
     "pose",
     "position",
