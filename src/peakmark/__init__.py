@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from peakmark.found.found import find as find
     from peakmark.identification.api import identify as identify
     from peakmark.identification.detection import Detection as Detection
+    from peakmark.identification.from_keypoints import identify_keypoints as identify_keypoints
     from peakmark.keypoints.keypoints import Keypoints as Keypoints
     from peakmark.localise.locate import FloorMap as FloorMap
     from peakmark.maps.files import load_map as load_map
@@ -37,6 +38,7 @@ __all__, __getattr__, __dir__ = lazy_names(
         "decode_arrays": "peakmark.arrays.decode",
         "find": "peakmark.found.found",
         "identify": "peakmark.identification.api",
+        "identify_keypoints": "peakmark.identification.from_keypoints",
         "load_map": "peakmark.maps.files",
         "locate": "peakmark.maps.locate",
         "marker": "peakmark.markers.patterns",

@@ -13,7 +13,7 @@ from peakmark.identification.alignment import Aligned
 from peakmark.identification.candidates import MarkerCandidates, candidate_pages
 from peakmark.identification.marker_evidence import COLUMNS, Column
 from peakmark.identification.sift_candidates import sift_candidate_pages, vlfeat_candidate_pages
-from peakmark.identification.sift_signature import sift_columns
+from peakmark.identification.sift_signature import SIFT_COLUMNS, sift_columns
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Made, Variant
 
@@ -60,7 +60,7 @@ FAMILIES: Mapping[Made, Family] = {
     "sift": Family(
         sift_candidate_pages,
         "sift.json",
-        (*COLUMNS, "signature", "is_disc"),
+        (*COLUMNS, *SIFT_COLUMNS),
         sift_columns,
         0.8,
         _by_contrast,

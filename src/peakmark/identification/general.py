@@ -152,12 +152,12 @@ def _productive(gray: NDArray[np.uint8], batches: Iterator[Alignments]) -> Align
 
 def _likely(found: Alignments) -> NDArray[np.float64]:
     """Return (n,) probabilities that alignments are markers."""
-    return _model(found.variants)[0].probabilities(found.evidence)
+    return _model(found.variants).probabilities(found.evidence)
 
 
-def _model(variants: Sequence[Variant]) -> tuple[MarkerModel, float]:
+def _model(variants: Sequence[Variant]) -> MarkerModel:
     """Return what decides for markers that are made for one detector; with none it does not matter which."""
-    return shipped_model(variants[0].made_for if variants else "surf")
+    return shipped_model(variants[0].made_for if variants else "surf")[0]
 
 
 def _joined(batches: Sequence[Alignments]) -> Alignments:
@@ -172,8 +172,9 @@ def _joined(batches: Sequence[Alignments]) -> Alignments:
 def _markers(gray: NDArray[np.uint8], found: Alignments, likely: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the rows of alignments that are markers, those found twice left out."""
     xy, sides = found.aligned.theta[:, :2], found.sides_px
+    thresholds = np.array([shipped_model(variant.made_for, variant.limit)[1] for variant in found.variants])
     is_inside = ((xy > -0.5) & (xy < np.array(gray.shape[::-1]) - 0.5)).all(axis=1)
-    rows = np.flatnonzero((likely > _model(found.variants)[1]) & is_inside)
+    rows = np.flatnonzero((likely > thresholds) & is_inside)
     return np.asarray(rows[suppress_non_maxima(xy[rows], sides[rows], likely[rows])])
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from peakmark.identification.families import FAMILIES
 from peakmark.identification.trees import Trees, from_plain
+from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Made
 
 
@@ -31,7 +32,7 @@ class MarkerModel:
 
 
 @cache
-def shipped_model(made_for: Made = "surf") -> tuple[MarkerModel, float]:
+def shipped_model(made_for: Made = "surf", limit: Limit = "energy") -> tuple[MarkerModel, float]:
     """Return the model that comes with the package, and the probability from which an alignment is a marker.
 
     `scripts/train_search.py` makes it.
@@ -39,4 +40,5 @@ def shipped_model(made_for: Made = "surf") -> tuple[MarkerModel, float]:
     family = FAMILIES[made_for]
     plain = json.loads(Path(__file__).with_name(family.model).read_text(encoding="utf-8"))
     assert plain["columns"] == list(family.columns), f"{family.model} is of other columns: make it anew"
-    return MarkerModel(from_plain(plain["trees"]), plain["slope"], plain["offset"]), float(plain["threshold"])
+    threshold = plain.get(f"{limit}_threshold", plain["threshold"])
+    return MarkerModel(from_plain(plain["trees"]), plain["slope"], plain["offset"]), float(threshold)

@@ -162,7 +162,12 @@ def train(evidence: Evidence, config: SearchTrainingConfig) -> dict[str, Any]:
         "clutter": int((~is_marker).sum()),
         "config": asdict(config),
         "columns": list(config.columns),
-        "threshold": choose_threshold(likely, is_marker, images, config),
+        **{
+            "threshold" if limit == "energy" else f"{limit}_threshold": choose_threshold(
+                likely[rows], is_marker[rows], images[rows], config
+            )
+            for limit, rows in _rows_by_limit(values, config).items()
+        },
         "reliability": reliability_of(likely, is_marker),
         "slope": slope,
         "offset": offset,
@@ -171,6 +176,14 @@ def train(evidence: Evidence, config: SearchTrainingConfig) -> dict[str, Any]:
 
 
 @needs_extra
+def _rows_by_limit(values: NDArray[np.float64], config: SearchTrainingConfig) -> dict[Limit, NDArray[np.bool_]]:
+    """Return which alignments are with a pattern of each limit: a search for one sees no clutter of the other."""
+    if config.made_for == "surf":
+        return {"energy": np.ones(len(values), np.bool_)}
+    is_disc = values[:, config.columns.index("is_disc")] > 0
+    return {"energy": ~is_disc, "range": is_disc}
+
+
 def fit_trees(values: NDArray[np.float64], is_marker: NDArray[np.bool_]) -> Trees:
     """Return boosted trees that tell markers by their columns."""
     from sklearn.ensemble import HistGradientBoostingClassifier
