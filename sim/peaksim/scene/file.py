@@ -47,7 +47,9 @@ class Setup:
         return iter((self.scene, self.camera, self.trajectory))
 
 
-def load_scene(path: str | Path, variants: Mapping[str, str] | None = None) -> Setup:
+def load_scene(
+    path: str | Path, variants: Mapping[str, str] | None = None, kinds: Mapping[str, str] | None = None
+) -> Setup:
     """Read a scene file.
 
     Parameters
@@ -56,6 +58,8 @@ def load_scene(path: str | Path, variants: Mapping[str, str] | None = None) -> S
         A TOML file, or the bare name of a scene that ships with the package, such as "floor".
     variants
         Texture name → variant, such as `{"floor": "brick"}`; the first variant listed is the default.
+    kinds
+        Kind of a marker → the one that hangs in its place, such as `{"surf-dark": "sift-dark"}`.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def load_scene(path: str | Path, variants: Mapping[str, str] | None = None) -> S
     """
     table, folder = read_table(path)
     try:
-        return build_setup(table, folder, variants)
+        return build_setup(with_kinds(table, kinds or {}), folder, variants)
     except InputError as error:
         raise SceneError(f"{path}: {error}") from error
 
@@ -79,6 +83,23 @@ def read_table(path: str | Path) -> tuple[SceneTable, Path]:
     """
     file = find_scene(path)
     return validate(SceneTable, parse_toml(file), str(file)), file.parent
+
+
+def with_kinds(table: SceneTable, kinds: Mapping[str, str]) -> SceneTable:
+    """Return a scene's table with other markers in the places of those of some kinds."""
+
+    def named(part: Any) -> Any:
+        return part.model_copy(update={"kind": kinds.get(part.kind, part.kind)})
+
+    def lettered(part: Any) -> Any:
+        return part.model_copy(update={"kinds": {letter: kinds.get(kind, kind) for letter, kind in part.kinds.items()}})
+
+    changes = {
+        "markers": [named(part) for part in table.markers],
+        "marker_paths": [named(part) for part in table.marker_paths],
+        "posters": [lettered(part) for part in table.posters],
+    }
+    return table.model_copy(update=changes) if kinds else table
 
 
 def find_scene(path: str | Path) -> Path:

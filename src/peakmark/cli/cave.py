@@ -13,10 +13,12 @@ from peakmark.experiments.cave import polarity, training, walk_results
 from peakmark.experiments.cave.dense_wall import compare_walls
 from peakmark.experiments.cave.evaluation import EvaluationConfig, evaluate
 from peakmark.experiments.cave.evaluation_results import headline, write_evaluation
+from peakmark.experiments.cave.finding import CaveRule
 from peakmark.experiments.cave.rooms import Split
 from peakmark.experiments.cave.training import TrainingConfig
-from peakmark.experiments.cave.walk import CaveConfig, CaveRule
+from peakmark.experiments.cave.walk import CaveConfig
 from peakmark.experiments.option import check_range
+from peakmark.markers.patterns import Made
 
 
 @examples("peakmark cave --out out/cave", "peakmark cave --frames 40 --out out/walk")
@@ -31,6 +33,7 @@ def render_cave(
     frames: Annotated[
         int, Option(help="Frames of a walk through the room, each scored; more than 1 also makes a film.")
     ] = CaveConfig.frames,
+    marker: Annotated[str, Option(help="surf, or sift: SIFT's markers on the walls.")] = CaveConfig.marker,
     rule: Annotated[
         str, Option(help="robust, or paper: response and version-independent signature, then upright arrays.")
     ] = CaveConfig.rule,
@@ -41,7 +44,8 @@ def render_cave(
     Writes frame.png, overlay.png (Figure 13), response_vs_vis.png (Figure 14), polarity.png (Figure 15), report.html
     and result.json; with --frames also frames.csv and walk.mp4.
     """
-    config = CaveConfig(scene, cast(Renderer, renderer), seed, frames, samples, sensor, bake, rule=cast(CaveRule, rule))
+    rendered = (scene, cast(Renderer, renderer), seed, frames, samples, sensor, bake)
+    config = CaveConfig(*rendered, rule=cast(CaveRule, rule), marker=cast(Made, marker))
     console = new_console(quiet)
     with progress_bar(console, "render, detect, decode, score", frames + 1) as bar:
         result = walk_results.run_cave(config, out, bar.advance)

@@ -18,6 +18,7 @@ from peakmark.experiments.floor.still import FloorConfig
 from peakmark.experiments.robot import drive_results
 from peakmark.experiments.robot.drive import DriveConfig
 from peakmark.identification.api import Narrower
+from peakmark.markers.patterns import Made
 
 _WITH_RESUME = "the same command with --resume resumes"
 _STAGES = "render, detect, identify, score"
@@ -46,6 +47,9 @@ def render_floor(
     rule: Annotated[
         str | None, Option(help="paper (rank and response drop) or joint. [default: paper; on a ride joint]")
     ] = None,
+    marker: Annotated[
+        str, Option(help="surf, or sift: SIFT's markers on the floor, found by OpenCV's SIFT.")
+    ] = FloorConfig.marker,
     preset: Annotated[
         str, Option(help="SURF's: opencv (4 octaves of 3 layers) or paper (4 of 2).")
     ] = FloorConfig.preset,
@@ -71,8 +75,9 @@ def render_floor(
     console = new_console(quiet)
     drawn_by = cast(Renderer, renderer)
     decided_by = cast(Narrower, rule or ("paper" if trajectory is None else "joint"))
-    if trajectory is not None and preset != FloorConfig.preset:
-        raise InputError(f"--preset: expected {FloorConfig.preset} with --trajectory, got {preset}")
+    for name, value, usual in (("preset", preset, FloorConfig.preset), ("marker", marker, FloorConfig.marker)):
+        if trajectory is not None and value != usual:
+            raise InputError(f"--{name}: expected {usual} with --trajectory, got {value}")
     if trajectory is not None:
         flight = FlightConfig(
             trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples, sensor, bake
@@ -81,7 +86,7 @@ def render_floor(
     else:
         factor, count = 2.0 if stretch is None else stretch, 1 if frames is None else frames
         seen = (scene or "floor", texture, drawn_by, seed, factor, count)
-        by = (decided_by, cast(still.Preset, preset), samples, sensor, bake)
+        by = (decided_by, cast(still.Preset, preset), cast(Made, marker), samples, sensor, bake)
         _render(console, FloorConfig(*seen, *by), out)
     print_path(console, out / "report.html")
 

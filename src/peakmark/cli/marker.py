@@ -43,6 +43,7 @@ def marker(
     ] = None,
     border_mm: Annotated[float, Option(help="white border inside the crop marks")] = 5.0,
     gap_mm: Annotated[float | None, Option(help="between an array's markers; half a side if absent")] = None,
+    pattern: Annotated[str, Option("--kind", help="of an array's markers: surf or sift")] = "surf",
     count: Annotated[int, Option(help="how many of each")] = 1,
     light: Annotated[bool, Option("--light", help="light centre instead of dark")] = False,
     limit: Annotated[str, Option(help="energy: the paper's grey marker; range: the binary one")] = "energy",
@@ -68,11 +69,12 @@ def marker(
         return
     if side_mm is None:
         side_mm = ARRAY_SIDE_MM if kind.startswith("array") else SIDE_MM
-        (tile, *_) = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count)
+        (tile, *_) = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count, pattern)
         side_mm = min(side_mm, max(SMALLEST_SIDE_MM, floor(largest_side_mm(tile, paper_mm, border_mm))))
-    tiles = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count)
+    tiles = sheet_tiles(kind, side_mm, polarity, cast(Limit, limit), gap_mm, count, pattern)
     laid_out = pages(tiles, paper_mm, border_mm, label)
-    name = f"{kind if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"
+    of = kind if pattern == "surf" else f"{kind}-{pattern}"
+    name = f"{of if kind.startswith('array') else tiles[0].markers[0].marker.name}-{side_mm:g}mm"
     _write(laid_out, out, name, format, dpi, None, quiet)
 
 
@@ -87,9 +89,9 @@ def _write(
 
 
 def sheet_tiles(
-    kind: str, side_mm: float, polarity: Polarity, limit: Limit, gap_mm: float | None, count: int
+    kind: str, side_mm: float, polarity: Polarity, limit: Limit, gap_mm: float | None, count: int, pattern: str = "surf"
 ) -> list[Tile]:
-    """Return the tiles that the command's KIND names, each `count` times.
+    """Return the tiles that the command's KIND names, each `count` times; `pattern` is of an array's markers.
 
     Raises
     ------
@@ -103,7 +105,9 @@ def sheet_tiles(
     codes = {"array": range(8), **{f"array-{code}": range(code, code + 1) for code in range(8)}}
     if kind not in codes:
         raise InputError(f"kind: expected surf, sift, array or array-0 … array-7, got {kind!r}")
-    return [array_tile(code, side_mm, gap_mm, limit) for code in codes[kind] for _ in range(count)]
+    if pattern not in ("surf", "sift"):
+        raise InputError(f"--kind: expected surf or sift, got {pattern!r}")
+    return [array_tile(code, side_mm, gap_mm, limit, pattern) for code in codes[kind] for _ in range(count)]
 
 
 def result(laid_out: tuple[Page, ...], files: list[str], layout: Layout | None = None) -> dict[str, Any]:

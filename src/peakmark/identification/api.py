@@ -20,12 +20,13 @@ from peakmark.identification.families import SOURCES
 from peakmark.identification.general import detect_markers
 from peakmark.identification.paper import select_markers
 from peakmark.identification.search import PAD_SHARE, detect_to_the_border, find_markers, inside
+from peakmark.identification.sift_features import LOW_CONTRAST, detect_sift, identify_sift_features
 from peakmark.identification.signature import signature_distances
 from peakmark.identification.stretch import Stretch, stretched, unstretched
 from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, Variant
+from peakmark.markers.patterns import Made, Polarity, Variant
 from peakmark.refine.api import refine
 
 Rule = Literal["general", "joint", "paper"]
@@ -81,8 +82,9 @@ def identify(
         affinity. True unless given; False leaves positions and sizes as SURF tells them.
     detector
         For whose markers to look: "surf", "sift", "vlfeat", VLFeat's SIFT (needs pycolmap), or several of them, such as
-        ("surf", "sift"). `Detection.kind` says which marker was found; other than SURF's only the general rule finds.
-        SIFT's markers are round: their affinity is that without a rotation, and with limit "range" they are discs.
+        ("surf", "sift"). `Detection.kind` says which marker was found; with the rule "paper" one of "surf" and "sift",
+        with "joint" SURF's alone. SIFT's markers are round: their affinity is that without a rotation, and with limit
+        "range" they are discs.
 
     Raises
     ------
@@ -106,9 +108,13 @@ def identify(
     assert limit != "both"
     default = 1.0 if polarity == "both" else 2.0
     stretch = default if stretch is None else stretch
+    is_refined = refine is None or refine
+    if detectors == ("sift",):
+        features = detect_sift(gray, stretch, LOW_CONTRAST if threshold is None else threshold)
+        found = identify_sift_features(features, polarity, limit or "energy").detections
+        return refine_detections(gray, found, limit or "energy") if is_refined else found
     strongest = None if rule == "paper" else STRONGEST
     features = detect_stretched(gray, stretch, LOW_THRESHOLD if threshold is None else threshold, strongest)
-    is_refined = refine is None or refine
     return identify_features(gray, features, polarity, rule, stretch, limit or "energy", is_refined).detections
 
 
@@ -131,8 +137,9 @@ def _checked_detectors(detector: str | Sequence[str], rule: Rule) -> tuple[str, 
         raise InputError(f"detector: expected some of {', '.join(SOURCES)}, got none")
     for name in names:
         check_choice(name, tuple(SOURCES), "detector")
-    if rule != "general" and names != ("surf",):
-        raise InputError(f'detector: expected surf with rule "{rule}", got {", ".join(names)}')
+    taken = {"joint": ("surf",), "paper": ("surf", "sift")}.get(rule)
+    if taken and (len(names) > 1 or names[0] not in taken):
+        raise InputError(f'detector: expected {" or ".join(taken)} with rule "{rule}", got {", ".join(names)}')
     return names
 
 
@@ -189,18 +196,19 @@ def refine_detections(
     check_choice(limit, get_args(Limit), "limit")
     refined: dict[int, Detection] = {}
     for polarity in get_args(Polarity):
-        own = [k for k, detection in enumerate(detections) if (detection.polarity or "dark") == polarity]
-        refined.update(zip(own, _refined(gray, [detections[k] for k in own], polarity, limit), strict=True))
+        for made_for in get_args(Made):
+            wanted = (polarity, made_for)
+            own = [k for k, d in enumerate(detections) if (d.polarity or "dark", d.made_for) == wanted]
+            aligned = _refined(gray, [detections[k] for k in own], pattern_name(polarity, limit, made_for))
+            refined.update(zip(own, aligned, strict=True))
     return tuple(refined[k] for k in range(len(detections)))
 
 
-def _refined(
-    gray: NDArray[np.uint8], detections: Sequence[Detection], polarity: Polarity, limit: Limit
-) -> tuple[Detection, ...]:
+def _refined(gray: NDArray[np.uint8], detections: Sequence[Detection], pattern: str) -> tuple[Detection, ...]:
     if not detections:
         return ()
     sides = [SIDE_OF_SCALE * max(detection.size, 2.0) for detection in detections]
-    fits = refine(gray, [d.xy for d in detections], sides, pattern_name(polarity, limit))
+    fits = refine(gray, [d.xy for d in detections], sides, pattern)
     return tuple(
         replace(
             detection,

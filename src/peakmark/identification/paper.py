@@ -22,23 +22,31 @@ SMALLEST_DROP = 1.3
 """Response ratio between features of neighbouring rank that counts as the drop from markers to clutter."""
 
 RANKED = 1000
-"""How many of the strongest features are searched for the drop."""
+"""How many of the strongest features are searched for the drop on a floor; a wall may have thousands of markers."""
 
 
 def select_markers(
-    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity | None = "dark"
+    features: Keypoints, distances: NDArray[np.float32], polarity: Polarity | None = "dark", limit: float | None = None
 ) -> NDArray[np.intp]:
     """Return the rows of the markers among all features of an image, which come strongest first.
 
-    `distances` are those from the signature of a polarity, or of the version-independent one without: then dark and
-    light markers are found together, as in the paper's CAVE.
+    `limit` is the largest distance, that of SURF's signatures unless given. `distances` are those from the signature of
+    a polarity, or of the version-independent one without: then dark and light markers are found together, as in the
+    paper's CAVE, and only features that are similar enough are ranked.
     """
+    if polarity is None:
+        return _select_similar(features, np.flatnonzero(distances <= (limit or VIS_LIMIT)))
     ranked = features[:RANKED]
     kept = suppress_non_maxima(ranked.xy, ranked.scale, ranked.response, by_larger=False)
     kept = kept[: above_drop(features.response[kept])]
-    if polarity is None:
-        return kept[distances[kept] <= VIS_LIMIT]
-    return kept[is_polarity(features, polarity)[kept] & (distances[kept] <= SIGNATURE_LIMIT)]
+    return kept[is_polarity(features, polarity)[kept] & (distances[kept] <= (limit or SIGNATURE_LIMIT))]
+
+
+def _select_similar(features: Keypoints, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return which of the similar features are above their drop; below the last comes the weakest of all features."""
+    similar = features[rows]
+    kept = rows[suppress_non_maxima(similar.xy, similar.scale, similar.response, by_larger=False)]
+    return kept[: above_drop(np.append(features.response[kept], features.response[-1:]))]
 
 
 def above_drop(responses: NDArray[np.float32]) -> int:

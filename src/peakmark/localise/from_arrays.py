@@ -13,6 +13,7 @@ from peaksim.camera.camera import Camera
 
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
+from peakmark.identification.detection import Detection
 from peakmark.localise.pose import Correspondences, PoseEstimate, estimate_pose
 
 
@@ -53,8 +54,18 @@ def _correspondences(known: Sequence[tuple[MarkerArray, Place]]) -> Corresponden
         xy=np.array([d.xy for d in found]),
         centers_m=np.concatenate(centers),
         tangents_m=np.concatenate(tangents),
-        affinity=np.array([d.affinity for d in found]),
+        affinity=np.array([_shape(array, d) for array, _ in known for d in array.detections]),
     )
+
+
+def _shape(array: MarkerArray, marker: Detection) -> NDArray[np.float64]:
+    """Return a marker's affinity; for a round one the array's own steps stand, in its sides.
+
+    A round marker shows no rotation, and how large a DoG is cannot be told well from how blurred it is.
+    """
+    if marker.made_for == "surf":
+        return np.asarray(marker.affinity, dtype=np.float64)
+    return np.asarray(array.steps_px / array.layout.pitch)
 
 
 def _corners(

@@ -46,6 +46,12 @@ class Variant(NamedTuple):
         return "-".join([self.made_for, *(["range"] if self.limit == "range" else []), self.polarity])
 
 
+IN_PLACE_OF_SURF: dict[Made, dict[str, str]] = {
+    "surf": {},
+    "sift": {f"surf-{polarity}": f"sift-{polarity}" for polarity in get_args(Polarity)},
+}
+"""By detector, which kind of marker hangs where a scene has one of SURF's."""
+
 SURF_CELLS = 9
 """Cells along the side of the SURF marker: the boxes of SURF's filters lie on a 9 × 9 grid."""
 

@@ -131,8 +131,10 @@ def marker_tile(marker: Print) -> Tile:
     return Tile(f"{marker.name}, side {marker.side_mm:g} mm", marker.side_mm, (Placed(marker, half, half),))
 
 
-def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Limit = "energy") -> Tile:
-    """Return the 3-bit array `code` of SURF markers, 2 × 2 with the upper left blank (Section 4.2).
+def array_tile(
+    code: int, side_mm: float, gap_mm: float | None = None, limit: Limit = "energy", pattern: str = "surf"
+) -> Tile:
+    """Return the 3-bit array `code` of "surf" or "sift" markers, 2 × 2 with the upper left blank (Section 4.2).
 
     `gap_mm` of white separates the markers, half a side unless stated. What cannot be printed is an `InputError`.
     """
@@ -140,11 +142,12 @@ def array_tile(code: int, side_mm: float, gap_mm: float | None = None, limit: Li
     if not 0 <= gap < np.inf:
         raise InputError(f"gap_mm: expected a number ≥ 0, got {gap}")
     near, far = side_mm / 2, 1.5 * side_mm + gap
-    prints = [Print("surf", side_mm, polarity, limit) for polarity in polarities_of(code)]
+    prints = [Print(pattern, side_mm, polarity, limit) for polarity in polarities_of(code)]
     _check_print(prints[0])
     centers = zip(prints, ((far, near), (near, far), (far, far)), strict=True)
     markers = tuple(Placed(marker, x, y) for marker, (x, y) in centers)
-    name = f"array {code}, marker side {side_mm:g} mm, gap {gap:g} mm"
+    of = "" if pattern == "surf" else f" of {pattern}"
+    name = f"array {code}{of}, marker side {side_mm:g} mm, gap {gap:g} mm"
     return Tile(name, 2 * side_mm + gap, markers, 0.0 if gap_mm is None else gap, APART_STEPS * (side_mm + gap))
 
 

@@ -17,6 +17,9 @@ from peakmark.keypoints.image import as_gray
 from peakmark.keypoints.keypoints import Keypoints
 from peakmark.score.markers import Score
 
+_MOST_RANKS = 3
+"""Of one marker that are written beside it."""
+
 Canvas = NDArray[np.uint8]
 Point = Sequence[float] | NDArray[Any]
 Colour = tuple[int, int, int]
@@ -48,7 +51,8 @@ def draw_overlay(
         shown = (ranks or {}).get(matched.get(detection.id, ""), (detection.rank,))
         draw_circle(canvas, detection.xy, detection.size * 0.75, colour, 2 * line)
         at = detection.xy + np.array([detection.size * 0.8, 0])
-        draw_label(canvas, ", ".join(map(str, shown)), at, colour, line)
+        more = ", …" if len(shown) > _MOST_RANKS else ""
+        draw_label(canvas, ", ".join(map(str, shown[:_MOST_RANKS])) + more, at, colour, line)
     for marker in truth:
         if marker.name in score.missed:
             draw_cross(canvas, marker.center_xy, max(12, marker.side_px), MISSED, 2 * line)

@@ -11,7 +11,8 @@ from peaksim.extras import needs_extra
 MARKER_COLOUR = "#1a7f37"
 CLUTTER_COLOUR = "#8c959f"
 LIGHT_COLOUR, DARK_COLOUR = "#ffd640", "#60beff"
-_RANK, _RESPONSE = "rank of the feature by response", "response (determinant of the Hessian)"
+_RANK = "rank of the feature by response"
+_RESPONSES = {"surf": "response (determinant of the Hessian)", "sift": "response (DoG, of grey levels 0…1)"}
 
 
 @needs_extra
@@ -36,12 +37,15 @@ def save(figure: Any, target: Path | BytesIO, kind: str | None = None) -> None:
         figure.savefig(target, format=kind, dpi=150, metadata={"Date" if kind == "svg" else "Software": None})
 
 
-def response_ranking(ax: Any, responses: NDArray[np.float32], is_marker: NDArray[np.bool_], most: int = 60) -> None:
-    """Draw the strongest responses in descending order (the paper's Figure 11)."""
+def response_ranking(
+    ax: Any, responses: NDArray[np.float32], is_marker: NDArray[np.bool_], most: int = 60, made_for: str = "surf"
+) -> None:
+    """Draw the strongest responses of a detector, "surf" or "sift", in descending order (the paper's Figure 11)."""
     count = min(most, len(responses))
     colours = np.where(is_marker[:count], MARKER_COLOUR, CLUTTER_COLOUR)
     ax.bar(np.arange(1, count + 1), responses[:count], width=0.8, color=list(colours))
-    ax.set(title="SURF responses in descending order", xlabel=_RANK, ylabel=_RESPONSE, xlim=(0, count + 1))
+    ax.set(title=f"{made_for.upper()} responses in descending order", xlim=(0, count + 1))
+    ax.set(xlabel=_RANK, ylabel=_RESPONSES[made_for])
     _legend(ax)
 
 
@@ -111,13 +115,15 @@ def reliability(
 def response_over_vis(
     ax: Any,
     responses: NDArray[np.float32],
-    distances: NDArray[np.float64],
+    distances: NDArray[np.float32],
     is_marker: NDArray[np.bool_],
     is_taken: NDArray[np.bool_],
+    made_for: str = "surf",
 ) -> None:
     """Draw responses over distances from the version-independent signature (the paper's Figure 14).
 
-    Of (n,) features, which lie at a marker's centre, and which identification took for markers.
+    Of (n,) features of a detector, "surf" or "sift", which lie at a marker's centre, and which identification took for
+    markers.
     """
     other = {"s": 4, "color": CLUTTER_COLOUR, "marker": "o", "label": "other features", "linewidths": 0}
     again = {"s": 24, "edgecolors": MARKER_COLOUR, "facecolors": "none", "marker": "D", "linewidths": 0.8}
@@ -132,13 +138,20 @@ def response_over_vis(
     ):
         if chosen.any():
             ax.scatter(distances[chosen], responses[chosen], rasterized=True, **style)
-    ax.set(title="Detector response and version-independent signature", ylabel=_RESPONSE)
+    ax.set(title="Detector response and version-independent signature", ylabel=_RESPONSES[made_for])
     ax.set(xlabel="distance from the version-independent signature", xlim=(0, None))
-    ax.set(yscale="log", ylim=(0.8 * float(responses.min(initial=500)), 2 * float(responses.max(initial=1e3))))
+    ax.set(yscale="log", ylim=_around(responses))
     ax.legend(frameon=False)
 
 
 @needs_extra
+def _around(responses: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the ends of a logarithmic axis that holds all responses."""
+    if not len(responses):
+        return 1.0, 10.0
+    return 0.8 * float(responses.min()), 2 * float(responses.max())
+
+
 def polarities(
     ax: Any,
     image: NDArray[np.uint8],

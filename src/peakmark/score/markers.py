@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth
 
 from peakmark.identification.detection import Detection
+from peakmark.identification.sift_signature import sift_signature_distances
 from peakmark.identification.signature import polarity_by_signature
 from peakmark.keypoints.keypoints import Keypoints
-from peakmark.markers.patterns import Polarity
+from peakmark.markers.patterns import Polarity, Variant
 from peakmark.score.wanted import IN_VIEW, TOLERANCE_PX, Wanted, polarity_of
+
+_BOTH: tuple[Polarity, ...] = ("dark", "light")
 
 
 @dataclass(frozen=True)
@@ -158,10 +161,13 @@ def _result(truth: MarkerTruth, detection: Detection | None, features: Keypoints
 
 
 def _has_signature_of(polarity: Polarity, detection: Detection, features: Keypoints) -> bool | None:
-    row = slice(detection.rank - 1, detection.rank)
-    if features.descriptors is None or features.descriptors[row].shape != (1, 64):
+    if features.descriptors is None or detection.rank < 1:
         return None
-    return polarity_by_signature(features.descriptors[row]) == [polarity]
+    row = features.descriptors[detection.rank - 1 : detection.rank]
+    if row.shape == (1, 128) and detection.made_for == "sift":
+        dark, light = (sift_signature_distances(row, (Variant(each, detection.limit, "sift"),))[0] for each in _BOTH)
+        return bool((dark < light) == (polarity == "dark"))
+    return polarity_by_signature(row) == [polarity] if row.shape == (1, 64) else None
 
 
 def match(truth: Sequence[MarkerTruth], detections: Sequence[Detection], tolerance_px: float) -> dict[str, int]:
@@ -211,13 +217,15 @@ def ranks_above_clutter(truth: Sequence[MarkerTruth], features: Keypoints) -> di
     """Return by marker the 1-based ranks of the features at its centre that are stronger than all clutter.
 
     A marker has several where another octave or orientation finds it again: together they are the paper's "16 highest
-    response features for 14 present markers". A marker without any has no entry.
+    response features for 14 present markers". Features of the other polarity at its centre, such as its white border's,
+    are neither its own nor clutter. A marker without any has no entry.
     """
     visible = [marker for marker in truth if marker.visible_fraction > 0]
     owner = owners(visible, features, TOLERANCE_PX)
-    clutter = _strongest(owner, -1)
-    above = owner[:clutter]
-    return {visible[k].name: tuple((np.flatnonzero(above == k) + 1).tolist()) for k in sorted({*above.tolist()})}
+    above = owner[: _strongest(owner, -1)]
+    signs = np.array([1 if polarity_of(marker.kind) == "dark" else -1 for marker in visible])
+    own = features.laplacian[: len(above)] * signs[above] >= 0 if len(above) else np.zeros(0, bool)
+    return {visible[k].name: tuple((np.flatnonzero((above == k) & own) + 1).tolist()) for k in sorted({*above[own]})}
 
 
 def at_markers(truth: Sequence[MarkerTruth], features: Keypoints) -> NDArray[np.bool_]:

@@ -24,6 +24,7 @@ def run(*arguments):
         (["array", "--side-mm", "30"], "array-30mm.pdf", 24),
         (["array-5"], "array-5-60mm.pdf", 3),
         (["array-5", "--paper", "a5"], "array-5-45mm.pdf", 3),
+        (["array-5", "--kind", "sift"], "array-5-sift-60mm.pdf", 3),
         (["array", "--paper", "a4", "--border-mm", "30"], "array-50mm.pdf", 24),
         (["array-5", "--side-mm", "60", "--paper", "a3", "--landscape"], "array-5-60mm.pdf", 3),
     ],
@@ -50,7 +51,14 @@ def test_result_says_where_each_marker_is(tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["orb"], ["array-8"], ["surf", "--limit", "power"], ["surf", "--count", "0"], ["surf", "--side-mm", "300"]],
+    [
+        ["orb"],
+        ["array-8"],
+        ["surf", "--limit", "power"],
+        ["surf", "--count", "0"],
+        ["array", "--kind", "orb"],
+        ["surf", "--side-mm", "300"],
+    ],
 )
 def test_bad_input_is_an_input_error(arguments, tmp_path):
     assert isinstance(run(*arguments, "--out", tmp_path).exception, InputError)

@@ -9,7 +9,8 @@ from peakmark.errors import InputError
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
 from peakmark.identification.sift_candidates import dog_extremes
-from peakmark.identification.sift_signature import SIGNATURE, sift_signature_distances
+from peakmark.identification.sift_features import shared_distances
+from peakmark.identification.sift_signature import SIGNATURE, reference_sift_descriptor, sift_signature_distances
 from peakmark.markers.array_code import THREE_BIT, polarities_of
 from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, Variant, marker_image
 from tests.peakmark.identification.sift_wall import KINDS, wall
@@ -87,7 +88,8 @@ def test_arrays_of_sift_markers_are_read(code: int) -> None:
     [
         ({"detector": "orb"}, "detector: expected one of surf, sift, vlfeat, got 'orb'"),
         ({"detector": ()}, "detector: expected some of surf, sift, vlfeat, got none"),
-        ({"detector": "sift", "rule": "paper"}, 'detector: expected surf with rule "paper", got sift'),
+        ({"detector": "sift", "rule": "joint"}, 'detector: expected surf with rule "joint", got sift'),
+        ({"detector": "vlfeat", "rule": "paper"}, 'detector: expected surf or sift with rule "paper", got vlfeat'),
     ],
 )
 def test_what_is_no_detector_is_refused(arguments: dict[str, object], message: str) -> None:
@@ -99,3 +101,27 @@ def test_what_is_no_detector_is_refused(arguments: dict[str, object], message: s
 def test_surf_finds_what_it_found_before() -> None:
     image, _ = wall((Variant("dark"), Variant("light")) * 2)
     assert [d.kind for d in identify(image)] == [d.kind for d in identify(image, detector=["surf"])]
+
+
+@pytest.mark.parametrize("is_refined", [False, True])
+def test_the_papers_rule_takes_sifts_strongest_features_with_its_signature(is_refined: bool) -> None:
+    image = np.full((520, 560), 225, np.uint8)  # the grey of a DoG's rim
+    image[260:] = 255 - 225
+    image[180:260] = np.random.default_rng(1).integers(90, 160, (80, 560))  # clutter
+    places = {"dark": [(60, 60), (300, 90)], "light": [(180, 370), (430, 380)]}
+    for polarity, corners in places.items():
+        for x, y in corners:
+            image[y : y + 72, x : x + 72] = marker_image(72, Variant(polarity, "energy", "sift"))  # type: ignore[arg-type]
+    noisy = np.rint(30 + 0.75 * image + np.random.default_rng(0).normal(0, 2, image.shape)).astype(np.uint8)
+    found = identify(noisy, detector="sift", rule="paper", polarity="both", refine=is_refined)
+    told = sorted((d.kind, *np.rint(d.xy - 35.5).astype(int).tolist()) for d in found)
+    assert told == sorted((f"sift-{polarity}", x, y) for polarity, corners in places.items() for x, y in corners)
+    assert all((d.affinity is not None) == is_refined for d in found)
+    assert max(d.signature_distance for d in found) < 0.25
+
+
+def test_light_and_dark_markers_share_the_sums_of_opposite_directions() -> None:
+    descriptors = np.array([reference_sift_descriptor(Variant(p, "energy", "sift")) for p in ("dark", "light")])
+    assert shared_distances(descriptors.astype(np.float32)).max() < 0.02
+    variant = Variant("dark", "energy", "sift")
+    assert sift_signature_distances(descriptors, (variant, variant))[1] > 1

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from peakmark import marker
+from peakmark import decode_arrays, identify, marker
 from peakmark.errors import InputError
 from peakmark.markers.sheet import (
     MARGIN_MM,
@@ -179,3 +179,11 @@ def test_an_array_larger_than_the_page_is_told_the_largest_side(gap, fits):
     assert pages([array_tile(5, fits, gap)], A4)
     with pytest.raises(InputError, match="expected at most"):
         pages([array_tile(5, fits + 0.1, gap)], A4)
+
+
+@pytest.mark.parametrize("code", [0, 3, 5, 7])
+def test_sheets_of_sift_arrays_decode_as_printed(code):
+    (page,) = pages([array_tile(code, 60.0, pattern="sift")], A4)
+    image = np.rint(20 + 0.8 * raster(page, 30.0) / 257).astype(np.uint8)  # 16 bits
+    read = decode_arrays(identify(image, detector="sift"), image=image)
+    assert [(array.code, array.doubt) for array in read] == [(code, "")]

@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from time import perf_counter
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import apply_sensor
 from peaksim.rendering import Renderer, render
@@ -15,22 +14,19 @@ from peaksim.scene.scene import Scene
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
+from peakmark.experiments.cave.finding import CaveRule, detect, find
 from peakmark.experiments.option import check_choice
 from peakmark.experiments.scene_images import SceneImagesConfig
-from peakmark.identification.api import detect_stretched, identify_features
-from peakmark.identification.evidence import feature_evidence
-from peakmark.identification.search import SearchResult, detect_features, search_features
+from peakmark.identification.detection import Identification
 from peakmark.keypoints.image import as_gray
-from peakmark.keypoints.keypoints import Keypoints
 from peakmark.localise.from_arrays import Place, pose_from_arrays
 from peakmark.localise.pose import PoseEstimate
+from peakmark.markers.patterns import IN_PLACE_OF_SURF, Made
 from peakmark.plain import INLINED
 from peakmark.score.arrays import ArrayScore, PrintedArray, printed_arrays, score_arrays
 from peakmark.score.markers import Score, score_frame
 from peakmark.score.poses import pose_error
 from peakmark.score.wanted import READABLE
-
-CaveRule = Literal["robust", "paper"]
 
 
 @dataclass(frozen=True)
@@ -41,20 +37,23 @@ class CaveConfig(SceneImagesConfig):
     rule: CaveRule = field(default="robust", kw_only=True)
     """"robust" weighs each feature and reads arrays at any roll; "paper" is the paper's: response and
     version-independent signature, then upright clusters."""
+    marker: Made = field(default="surf", kw_only=True)
+    """Markers on the walls, and the detector that finds them."""
     renderer: Renderer = "exact"
     """"exact" is several times faster than OpenGL without a GPU here; "gl", "pyrender", "traced" or "auto"."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice("rule", self.rule, get_args(CaveRule))
+        check_choice("marker", self.marker, get_args(Made))
 
 
 @dataclass(frozen=True)
 class Reading:
     """What was found in one image; nothing here knows the truth."""
 
-    found: SearchResult
-    """Features, evidence and markers."""
+    found: Identification
+    """Features, their distances from the version-independent signature, and markers."""
     arrays: tuple[MarkerArray, ...]
     """By the robust decoder."""
     by_paper: tuple[MarkerArray, ...]
@@ -142,6 +141,8 @@ class CaveView:
     """Of the camera, mm and degrees; None without a pose."""
     render_s: float
     """Seconds for the image, with truth and sensor."""
+    made_for: Made
+    """The detector whose markers hang on the walls."""
 
     def record(self) -> CaveFrame:
         """Return the plain figures of this frame."""
@@ -183,12 +184,14 @@ def array_map(printed: Sequence[PrintedArray]) -> dict[int, Place]:
     return {array.code: array.place for array in printed if codes.count(array.code) == 1}
 
 
-def read_frame(frame: Frame, places: Mapping[int, Place], rule: CaveRule = "robust") -> Reading:
+def read_frame(
+    frame: Frame, places: Mapping[int, Place], rule: CaveRule = "robust", made_for: Made = "surf"
+) -> Reading:
     """Find, decode and localise in one frame; only its image and camera are used."""
     gray, laps = as_gray(frame.image), [perf_counter()]
-    features = detect_features(gray) if rule == "robust" else detect_stretched(gray, 1.0)
+    features = detect(gray, rule, made_for)
     laps.append(perf_counter())
-    found = search_features(gray, features) if rule == "robust" else search_by_paper(gray, features)
+    found = find(gray, features, rule, made_for)
     laps.append(perf_counter())
     by_paper = decode_arrays(found.detections, rule="paper")
     arrays = decode_arrays(found.detections, image=gray) if rule == "robust" else by_paper
@@ -199,17 +202,12 @@ def read_frame(frame: Frame, places: Mapping[int, Place], rule: CaveRule = "robu
     return Reading(found, arrays, by_paper, pose, times)
 
 
-def search_by_paper(gray: NDArray[np.uint8], features: Keypoints) -> SearchResult:
-    """Return which features are markers by the paper's rule, and the evidence on each; its score is the response."""
-    found = identify_features(gray, features, "both", "paper", 1.0, refine=False)
-    evidence = feature_evidence(gray, features)
-    return SearchResult(features, evidence, features.response.astype(np.float64), found.detections)
-
-
-def score_view(index: int, frame: Frame, scene: Scene, render_s: float = 0.0, rule: CaveRule = "robust") -> CaveView:
+def score_view(
+    index: int, frame: Frame, scene: Scene, render_s: float = 0.0, rule: CaveRule = "robust", made_for: Made = "surf"
+) -> CaveView:
     """Read a frame and score it against truth."""
     printed = printed_arrays(scene)
-    reading = read_frame(frame, array_map(printed), rule)
+    reading = read_frame(frame, array_map(printed), rule, made_for)
     camera, pose = frame.camera, frame.world_from_camera
     return CaveView(
         index=index,
@@ -220,6 +218,7 @@ def score_view(index: int, frame: Frame, scene: Scene, render_s: float = 0.0, ru
         paper=score_arrays(printed, frame.truth, reading.by_paper, camera, pose),
         pose_error=None if reading.pose is None else pose_error(reading.pose.fit.world_from_camera, pose),
         render_s=render_s,
+        made_for=made_for,
     )
 
 
@@ -229,7 +228,7 @@ def render_view(setup: Setup, config: CaveConfig, index: int, time_s: float) -> 
     seeds, path = (config.seed, index), setup.trajectory
     frame = render(setup.scene, setup.camera, path, config.renderer, time_s, config.samples, seeds, bake=config.bake)
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng(seeds))
-    return score_view(index, frame, setup.scene, perf_counter() - start, config.rule)
+    return score_view(index, frame, setup.scene, perf_counter() - start, config.rule, config.marker)
 
 
 def render_walk(setup: Setup, config: CaveConfig) -> Iterator[CaveView]:
@@ -241,7 +240,7 @@ def render_walk(setup: Setup, config: CaveConfig) -> Iterator[CaveView]:
 
 def open_cave(config: CaveConfig) -> Setup:
     """Load the configuration's scene; one without an array is an `InputError`."""
-    setup = load_scene(config.scene).seen_by(config.sensor)
+    setup = load_scene(config.scene, kinds=IN_PLACE_OF_SURF[config.marker]).seen_by(config.sensor)
     if not printed_arrays(setup.scene):
         raise InputError(f"--scene {config.scene}: expected posters with 3-bit arrays, found none")
     return setup

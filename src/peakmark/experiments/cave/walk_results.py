@@ -134,9 +134,9 @@ def response_figure(view: CaveView) -> Any:
     figure, ax = plots.new_figure()
     found = view.reading.found
     is_taken = np.zeros(len(found.features), dtype=bool)
-    is_taken[[detection.rank - 1 for detection in found.detections]] = True
+    is_taken[[detection.rank - 1 for detection in found.detections if detection.rank]] = True
     is_marker = at_markers(view.frame.truth, found.features)
-    plots.response_over_vis(ax, found.features.response, found.evidence[:, 1], is_marker, is_taken)
+    plots.response_over_vis(ax, found.features.response, found.signature_distances, is_marker, is_taken, view.made_for)
     return figure
 
 

@@ -18,6 +18,7 @@ from peaksim.scene.file import Setup, load_scene
 from PIL import Image
 
 from peakmark import surf
+from peakmark.errors import InputError
 from peakmark.experiments.floor.flight import map_of
 from peakmark.experiments.floor.still_markers import DISTANCE_NOTE, marker_table
 from peakmark.experiments.floor.view import FloorView, ViewRow, score_view
@@ -27,6 +28,7 @@ from peakmark.identification.api import Narrower
 from peakmark.identification.paper import SIGNATURE_LIMIT
 from peakmark.identification.stretch import LARGEST, SMALLEST
 from peakmark.localise.locate import FloorMap
+from peakmark.markers.patterns import IN_PLACE_OF_SURF, Made
 from peakmark.plain import INLINED
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, jpeg_uri, write_report
@@ -59,6 +61,8 @@ class FloorConfig:
     """How key points become markers."""
     preset: Preset = "opencv"
     """Of SURF: "opencv", 4 octaves × 3 layers, or "paper", 4 × 2."""
+    marker: Made = "surf"
+    """Markers on the floor, and the detector that finds them: "surf", or "sift" by the paper's rule."""
     samples: int = 64
     """Paths a pixel of the traced renderer."""
     sensor: str | None = None
@@ -74,11 +78,15 @@ class FloorConfig:
         check_range("samples", self.samples, 1)
         check_choice("rule", self.rule, get_args(Narrower))
         check_choice("preset", self.preset, get_args(Preset))
+        check_choice("marker", self.marker, get_args(Made))
+        if self.marker == "sift" and self.rule != "paper":
+            raise InputError(f"--rule: expected paper with --marker sift, got {self.rule}")
 
 
 def open_scene(config: FloorConfig) -> Setup:
-    """Load the configuration's scene with its floor texture."""
-    setup = load_scene(config.scene, {} if config.texture is None else {"floor": config.texture})
+    """Load the configuration's scene with its floor texture and markers."""
+    variants = {} if config.texture is None else {"floor": config.texture}
+    setup = load_scene(config.scene, variants, IN_PLACE_OF_SURF[config.marker])
     return setup.seen_by(config.sensor)
 
 
@@ -104,8 +112,8 @@ def render_view(setup: Setup, config: FloorConfig, index: int, time_s: float) ->
     )
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
     is_refined = config.rule != "paper"  # the paper knows no refinement
-    settings = PRESETS[config.preset]
-    return score_view(index, frame, perf_counter() - start, config.stretch, config.rule, refine=is_refined, **settings)
+    taken_s, preset = perf_counter() - start, PRESETS[config.preset]
+    return score_view(index, frame, taken_s, config.stretch, config.rule, None, is_refined, config.marker, **preset)
 
 
 @dataclass(frozen=True)
@@ -229,8 +237,9 @@ def reasons(truth: Sequence[MarkerTruth], config: FloorConfig) -> tuple[str, ...
         lines.append(f"they are tilted by {min(tilts):.0f}…{max(tilts):.0f}°: try --stretch {fitting:.2g}")
     note = f", and are found reliably from {SMALLEST_PX:g} px on" if min(sides) < SMALLEST_PX else ""
     lines.append(f"their sides are {min(sides):.0f}…{max(sides):.0f} px in the image{note}")
-    if others := sorted({t.kind for t in shown} - {"surf-dark"}):
-        lines.append(f"only surf-dark is searched for, and there are {', '.join(others)}")
+    sought = f"{config.marker}-dark"
+    if others := sorted({t.kind for t in shown} - {sought}):
+        lines.append(f"only {sought} is searched for, and there are {', '.join(others)}")
     return tuple(lines)
 
 
@@ -238,7 +247,7 @@ def figures_of(view: FloorView) -> dict[str, Any]:
     """Return Figures 11 and 12."""
     is_marker = at_markers(view.frame.truth, view.found.features)
     responses, ax = plots.new_figure()
-    plots.response_ranking(ax, view.found.features.response, is_marker)
+    plots.response_ranking(ax, view.found.features.response, is_marker, made_for=view.made_for)
     signatures, ax = plots.new_figure()
     plots.signature_ranking(ax, view.found.signature_distances, is_marker, SIGNATURE_LIMIT)
     return {"responses": responses, "signatures": signatures}

@@ -12,8 +12,10 @@ from peaksim.scene.scene import Scene
 
 from peakmark.identification.api import Narrower, detect_stretched, identify_features
 from peakmark.identification.detection import Identification
+from peakmark.identification.sift_features import detect_sift, identify_sift_features
 from peakmark.identification.stretch import Stretch, stretched
 from peakmark.keypoints.image import as_gray
+from peakmark.markers.patterns import Made
 from peakmark.plain import INLINED
 from peakmark.report.overlay import draw_overlay
 from peakmark.score.markers import Score, ScoreSummary, ranks_above_clutter, score_frame
@@ -31,6 +33,8 @@ class FloorView:
     score: Score
     time_s: dict[str, float]
     """Seconds for "render" (with the sensor), "detect", "identify" and "score"."""
+    made_for: Made = "surf"
+    """The detector whose markers were looked for."""
 
     def row(self) -> "ViewRow":
         """Return the figures of this frame."""
@@ -83,18 +87,25 @@ def score_view(
     rule: Narrower,
     strongest: int | None = None,
     refine: bool = True,
+    made_for: Made = "surf",
     **parameters: Any,
 ) -> FloorView:
     """Detect, identify and score the markers of a frame that took so long to render.
 
     `strongest` limits the features that are described, `refine` adds sub-pixel positions; see `identify`. Further
-    `parameters` are those of `surf.detect_and_describe`.
+    `parameters` are those of `surf.detect_and_describe`. SIFT's markers are found by the paper's rule alone, unrefined.
     """
     start = perf_counter()
     gray = as_gray(frame.image)
-    features = detect_stretched(gray, stretch, strongest=strongest, **parameters)
+    if made_for == "surf":
+        features = detect_stretched(gray, stretch, strongest=strongest, **parameters)
+    else:
+        features = detect_sift(gray, stretch)
     detected = perf_counter()
-    found = identify_features(gray, features, "dark", rule, stretch, refine=refine)
+    if made_for == "surf":
+        found = identify_features(gray, features, "dark", rule, stretch, refine=refine)
+    else:
+        found = identify_sift_features(features, "dark")
     identified = perf_counter()
     score = score_frame(frame.truth, found.detections, found.features)
     seconds = {
@@ -103,7 +114,7 @@ def score_view(
         "identify": identified - detected,
         "score": perf_counter() - identified,
     }
-    return FloorView(index, frame, found, score, seconds)
+    return FloorView(index, frame, found, score, seconds, made_for)
 
 
 def faster_renderer(renderer: Renderer, scene: Scene) -> Renderer:

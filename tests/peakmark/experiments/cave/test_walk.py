@@ -19,6 +19,7 @@ from PIL import Image
 
 from peakmark import decode_arrays, identify
 from peakmark.errors import InputError
+from peakmark.experiments.cave.finding import CaveRule
 from peakmark.experiments.cave.walk import CaveConfig, array_map, open_cave, render_view, render_walk
 from peakmark.experiments.cave.walk_results import polarity_figure, response_figure, run_cave
 from peakmark.plain import to_plain
@@ -78,6 +79,16 @@ def test_the_papers_rule_reads_the_small_room(small: Path, tmp_path: Path) -> No
     assert (result["markers_in_view"], result["markers_found"], result["polarity_errors"]) == (10, 10, 0)
     assert result["arrays_decoded"] == result["arrays_decoded_by_paper"]
     assert result["pose_mm"] is None
+
+
+@pytest.mark.parametrize("rule", ["robust", "paper"])
+def test_a_room_of_sift_markers_is_read(small: Path, tmp_path: Path, rule: CaveRule) -> None:
+    result = to_plain(run_cave(CaveConfig(str(small), marker="sift", rule=rule), tmp_path / "o"))
+    assert result["markers_in_view"] == 10
+    assert result["markers_found"] >= (10 if rule == "robust" else 6)
+    assert result["polarity_errors"] == 0
+    if rule == "robust":
+        assert (result["arrays_decoded"] >= 1, result["wrong_codes"]) == (True, 0)
 
 
 def test_figure_14_hides_no_feature(small: Path) -> None:

@@ -21,6 +21,7 @@ from peakmark.experiments.floor.flight import map_of
 from peakmark.experiments.floor.still import (
     FloorConfig,
     FloorResult,
+    figures_of,
     open_scene,
     reasons,
     render_view,
@@ -365,3 +366,22 @@ intensity = 0.2
     assert np.array_equal(images[False], render(*setup, "exact", bake=False).linear)
     assert np.array_equal(images[True], render(*setup, "exact").linear)
     assert images[True].mean() > 1.1 * images[False].mean()  # half of the image is background
+
+
+@pytest.mark.parametrize("stretch", [2.0, 1.0])
+def test_sift_markers_lie_in_the_places_of_surfs(small_scene: Path, tmp_path: Path, stretch: float) -> None:
+    result = run_floor(FloorConfig(str(small_scene), renderer="exact", marker="sift", stretch=stretch), tmp_path)
+    assert result.score.markers_in_view == 3
+    assert result.score.markers_found == (3 if stretch == 2.0 else result.score.markers_found)
+    assert result.score.false_detections == 0
+    view = render_view(open_scene(result.config), result.config, 0, 0.0)
+    assert {marker.kind for marker in view.frame.truth} == {"sift-dark"}
+    assert figures_of(view)["responses"].axes[0].get_title() == "SIFT responses in descending order"
+    estimates = estimated_distances(view, map_of(load_scene(small_scene).scene))
+    true = {marker.name: marker.distance_m for marker in view.frame.truth}
+    assert all(abs(by_scale / true[name] - 1) < 0.2 for name, (by_scale, _) in estimates.items())
+
+
+def test_sift_knows_the_papers_rule_alone() -> None:
+    with pytest.raises(InputError, match="--rule: expected paper with --marker sift, got joint"):
+        FloorConfig(marker="sift", rule="joint")
