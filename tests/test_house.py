@@ -56,7 +56,7 @@ FLOORS = (
     ("peakmark.experiments.photographs", "peakmark.experiments.run", "peakmark.experiments.scene_images"),
     ("peakmark.experiments.floor", "peakmark.experiments.detectability"),
     ("peakmark.experiments.robot", "peakmark.experiments.cave"),
-    ("peakmark.experiments.search", "peakmark.experiments.images"),
+    ("peakmark.experiments.search", "peakmark.experiments.images", "peakmark.experiments.calibration"),
     ("peakmark.experiments.comparison",),
     ("peakmark.experiments",),
     ("peakmark.cli",),
