@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.native import function
 
-from peakmark import surf
 from peakmark.identification.detection import SIDE_OF_SCALE
 from peakmark.identification.evidence import best_response, box_variance
 from peakmark.parallel import map_parallel
+from peakmark.surf.hessian import find_interest_points
+from peakmark.surf.integral import padded_integral
 
 THRESHOLD = 300.0
 """Hessian threshold; 100, 300 and 500 find the same markers of 20 px and more."""
@@ -110,16 +111,34 @@ def _search(
     """Return (k, 6) x, y, scale, response, sign and quotient of the key points of one copy, in the image's pixels."""
     height, width = gray.shape
     copy, shift = _warped(padded, matrix)
-    points = surf.detect(copy, threshold=THRESHOLD, octaves=octaves, layers=layers, upright=True)
-    xy = (points.xy.astype(np.float64) - shift) @ np.linalg.inv(matrix).T - pad
-    scale = points.scale / np.sqrt(np.abs(np.linalg.det(matrix)))
+    inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    spans = _spans(copy.shape, inverse, -(inverse @ shift) - pad, (height, width))
+    points = find_interest_points(padded_integral(copy), copy.shape, THRESHOLD, octaves, layers, None, spans)
+    own_scale, response, sign = points[:, [2, 4, 6]].astype(np.float64).T
+    xy = (points[:, :2].astype(np.float64) - shift) @ inverse.T - pad
+    scale = own_scale / np.sqrt(np.abs(np.linalg.det(matrix)))
     inside = ((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)
     rows = np.flatnonzero(inside & (SIDE_OF_SCALE * scale > SMALLEST_PX))
-    own_scale = points.scale[rows].astype(np.float64)
-    variance = np.maximum(box_variance(copy, points.xy[rows], np.column_stack([own_scale, own_scale])), 1e-3)
-    quotients = points.response[rows] / (best_response() * variance)
-    found = (xy[rows], scale[rows], points.response[rows], points.laplacian[rows], quotients)
-    return np.asarray(np.column_stack(found)[quotients > LEAST_QUOTIENT])
+    variance = np.maximum(box_variance(copy, points[rows, :2], np.repeat(own_scale[rows, None], 2, axis=1)), 1e-3)
+    quotients = response[rows] / (best_response() * variance)
+    found = np.column_stack([xy[rows], scale[rows], response[rows], sign[rows], quotients])
+    return np.asarray(found[quotients > LEAST_QUOTIENT])
+
+
+def _spans(
+    copy_shape: tuple[int, ...], inverse: NDArray[np.float64], origin: NDArray[np.float64], shape: tuple[int, int]
+) -> NDArray[np.int64]:
+    """Return (h, 2) first column, and one behind the last, that an image of a shape has in each row of its copy.
+
+    A pixel (x, y) of the copy is the image's at `inverse` (x, y) + `origin`; rows without any end before they begin.
+    """
+    at_first_column = np.arange(copy_shape[0])[:, None] * inverse[:, 1] + origin
+    limits = np.array([[-0.5, -0.5], [shape[1] - 0.5, shape[0] - 0.5]])[:, None]
+    with np.errstate(divide="ignore"):
+        crossed = np.sort((limits - at_first_column) / inverse[:, 0], axis=0)
+    first, last = crossed[0].max(axis=1), crossed[1].min(axis=1)
+    spans = np.column_stack([np.floor(first), np.ceil(last) + 1])
+    return np.asarray(np.clip(spans, 0, copy_shape[1]), dtype=np.int64)
 
 
 def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:

@@ -1,9 +1,12 @@
-"""Candidates found again are left out as a look at all pairs would."""
+"""Candidates found again are left out as a look at all pairs would; copies are searched where the image is."""
 
+import cv2
 import numpy as np
 import pytest
 
-from peakmark.identification.candidates import _LIKE, _NEAR, _distinct
+from peakmark.identification.candidates import _LIKE, _NEAR, DIRECTIONS_DEG, _distinct, _spans, _warped, squeeze
+from peakmark.surf.hessian import find_interest_points
+from peakmark.surf.integral import padded_integral
 
 
 @pytest.mark.parametrize(("count", "height", "width"), [(0, 5, 5), (1, 1, 1), (900, 90, 120), (400, 3, 4000)])
@@ -19,3 +22,27 @@ def test_distinct_rows_are_those_of_a_look_at_all_pairs(count: int, height: int,
             expected.append(i)
     rows = np.column_stack([xy, scales, np.ones(count), signs, np.ones(count)])
     assert _distinct(rows, (height, width)).tolist() == expected
+
+
+@pytest.mark.parametrize("angle_deg", [None, *DIRECTIONS_DEG])
+@pytest.mark.parametrize(("height", "width"), [(90, 150), (333, 40), (130, 131)])
+def test_what_lies_outside_the_image_is_not_searched_and_what_lies_inside_is(
+    angle_deg: float | None, height: int, width: int
+) -> None:
+    gray = np.random.default_rng(height).integers(0, 256, (height // 3 + 1, width // 3 + 1), dtype=np.uint8)
+    gray = cv2.resize(gray, (width, height), interpolation=cv2.INTER_CUBIC)
+    pad = 11
+    padded = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
+    matrix = np.eye(2) if angle_deg is None else squeeze(angle_deg)
+    copy, shift = _warped(padded, matrix)
+    inverse = np.linalg.inv(matrix)
+    spans = _spans(copy.shape, inverse, -(inverse @ shift) - pad, gray.shape)
+    everywhere, narrowed = (
+        find_interest_points(padded_integral(copy), copy.shape, 100.0, 3, 3, None, each) for each in (None, spans)
+    )
+    xy = (everywhere[:, :2] - shift) @ inverse.T - pad
+    inside = everywhere[((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)]
+    assert 20 < len(inside) <= len(everywhere)
+    assert {tuple(row) for row in inside.tolist()} <= {tuple(row) for row in narrowed.tolist()}
+    if angle_deg in (45.0, 135.0) and height > 100:
+        assert len(narrowed) < len(everywhere)
