@@ -171,6 +171,7 @@ static status align_lit(model *m, const surroundings *around, const double *cent
                     .precision = {[6] = precision, [7] = precision, [10] = HELD, HELD, HELD, HELD, HELD,
                                   per_square(TONE_SPREAD), HELD, HELD}};
     hold_turn(m, &before);
+    if (m->is_round) hold(&before, 6), hold(&before, 7); /* a ramp of light looks like perspective: that comes last */
     use_free(&before);
     set_anchor(m, local[0], local[1], size / block);
     status state = fit_softly(m, around, local, size / block, search, &before, sigma, hopeless, result, ratio, taken);

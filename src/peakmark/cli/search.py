@@ -10,6 +10,8 @@ from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Out, Quiet
 from peakmark.cli.terminal import FIGURES, new_console, print_path, print_table, progress_bar
 from peakmark.experiments.journal import Journal
+from peakmark.experiments.search import kinds
+from peakmark.experiments.search.kinds import KindsConfig
 from peakmark.experiments.search.sweeps import SweepConfig, run_sweeps
 from peakmark.experiments.search.training import SearchTrainingConfig, collect_evidence, result_rows, train, write_model
 from peakmark.identification.families import FAMILIES
@@ -54,7 +56,7 @@ def evaluate_search(
     out: Out = Path("out/reach"),
     markers: Annotated[int, Option(help="Markers in each cell.")] = SweepConfig.markers,
     seed: Annotated[int, Option(help="Seed of phases, rotations and noise.")] = SweepConfig.seed,
-    detector: Annotated[str, Option(help="surf or sift: that the markers are made for.")] = "surf",
+    detector: Annotated[str, Option(help="surf, sift, vlfeat or surf-disc: that looks for its markers.")] = "surf",
     limit: Annotated[str, Option(help="energy or range, the binary pattern: for sift a disc.")] = "energy",
     workers: Annotated[int, Option(help="Processes.")] = 1,
     quiet: Quiet = False,
@@ -63,7 +65,7 @@ def evaluate_search(
 
     Writes result.json, with a 95 % interval each; an interrupted run resumes.
     """
-    config = SweepConfig(markers, seed, cast(Made, detector), cast(Limit, limit))
+    config = SweepConfig(markers, seed, detector, cast(Limit, limit))
     console = new_console(quiet)
     journal = Journal.open(out, asdict(config))
     with resumable(), progress_bar(console, "draw, identify") as bar:
@@ -72,6 +74,31 @@ def evaluate_search(
         write_json(folder / "result.json", {"config": asdict(config), "cells": rows})
     title = f"{markers} markers a cell"
     print_table(console, title, FIGURES, [(_named(row), f"{row['found']} of {row['of']}") for row in rows])
+    print_path(console, out / "result.json", "Result")
+
+
+@examples("python scripts/compare_kinds.py --workers 2", "python scripts/compare_kinds.py --frames 4 --out out/quick")
+def compare_kinds(
+    out: Out = Path("out/kinds"),
+    frames: Annotated[int, Option(help="Frames, of twelve markers each.")] = KindsConfig.frames,
+    seed: Annotated[int, Option(help="Seed of the frames.")] = KindsConfig.seed,
+    workers: Annotated[int, Option(help="Processes.")] = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Compare SURF's marker, SIFT's and the disc in the same frames of photographs that nothing was trained on.
+
+    Writes result.json, with 95 % intervals; an interrupted run resumes.
+    """
+    config = KindsConfig(frames, seed)
+    console = new_console(quiet)
+    journal = Journal.open(out, asdict(config))
+    with resumable(), progress_bar(console, "render, identify") as bar:
+        rows = kinds.compare_kinds(config, journal, workers, bar.show)
+    with result_folder(out) as folder:
+        write_json(folder / "result.json", {"config": asdict(config), "kinds": rows})
+    for row in rows:
+        title = f"{row['detector']}, {row['limit']}"
+        print_table(console, title, FIGURES, [(key, value) for key, value in row.items() if key not in title])
     print_path(console, out / "result.json", "Result")
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from peaksim.native import function
 
 from peakmark.markers.patterns import Variant, surf_cells
-from peakmark.markers.profile import sift_profile
+from peakmark.markers.profile import MOST_RADII, RADII, sift_profile
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
@@ -108,13 +108,15 @@ def start_of(variant: Variant) -> float:
 
 
 @cache
-def lit_pattern(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def lit_pattern(
+    variant: Variant, radii_count: int = RADII
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Return a marker's lines (k,), the index (k + 1, k + 1) of each cell's level, and the levels, rising.
 
-    Of a round one the lines are the radii at which it has the levels, and the index is (1, k).
+    Of a round one the lines are the radii at which it has the levels, and the index is (1, k); a DoG has so many.
     """
     if variant.made_for == "sift":
-        radii, levels = sift_profile(variant.polarity, variant.limit)
+        radii, levels = sift_profile(variant.polarity, variant.limit, radii_count)
         return radii / ROUND_SPAN, np.arange(len(levels))[None], levels
     framed = np.pad(surf_cells(variant.polarity, variant.limit), 1, constant_values=255)
     starts = np.flatnonzero(np.r_[True, (framed[1:] != framed[:-1]).any(axis=1)])
@@ -191,9 +193,10 @@ def finished(
     """
     center, side_px = aligned.centers[row], float(aligned.sizes_px[row])
     extent = extent_of(variant)
-    rim = RIM if variant.made_for == "surf" else extent
+    rim = RIM if variant.made_for == "surf" else extent + 1e-6  # its last fit takes no rim, but perspective
     extra = (extent, rim, float(max(gray.shape)), float(aligned.cuts[row]))
-    theta, covariance = finish_in_light(gray, aligned.theta[row], center, side_px, *lit_pattern(variant), *extra)
+    pattern = lit_pattern(variant, MOST_RADII)
+    theta, covariance = finish_in_light(gray, aligned.theta[row], center, side_px, *pattern, *extra)
     is_rounded = aligned.noise[row] < DITHER**2
     return theta, np.asarray(covariance[:2, :2] + is_rounded * FLOOR_PX**2 * np.eye(2))
 

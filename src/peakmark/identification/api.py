@@ -84,7 +84,8 @@ def identify(
         For whose markers to look: "surf", "sift", "vlfeat", VLFeat's SIFT (needs pycolmap), or several of them, such as
         ("surf", "sift"). `Detection.kind` says which marker was found; with the rule "paper" one of "surf" and "sift",
         with "joint" SURF's alone. SIFT's markers are round: their affinity is that without a rotation, and with limit
-        "range" they are discs.
+        "range" they are discs. A disc is a marker for both: "surf-disc" looks for discs where SURF answers, and calls
+        them what "sift" does.
 
     Raises
     ------
@@ -98,11 +99,11 @@ def identify(
     rule = rule or ("joint" if given else "general")
     polarity = polarity or ("both" if rule == "general" else "dark")
     _check_choices(rule, polarity, limit or "energy", given)
-    detectors = _checked_detectors(detector, rule)
+    detectors = _checked_detectors(detector, rule, limit)
     gray = as_gray(image)
     if rule == "general":
         polarities: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
-        limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or "energy",)
+        limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or _usual_limit(detectors),)
         made_for = dict.fromkeys(SOURCES[name][0] for name in detectors)
         return detect_markers(gray, [Variant(*each) for each in product(polarities, limits, made_for)], detectors)
     assert limit != "both"
@@ -130,17 +131,23 @@ def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -
         raise InputError(f'limit: expected energy or range with rule "{rule}", got "both"')
 
 
-def _checked_detectors(detector: str | Sequence[str], rule: Rule) -> tuple[str, ...]:
+def _checked_detectors(detector: str | Sequence[str], rule: Rule, limit: str | None) -> tuple[str, ...]:
     """Return the detectors' names, each once."""
     names = (detector,) if isinstance(detector, str) else tuple(dict.fromkeys(detector))
     if not names:
         raise InputError(f"detector: expected some of {', '.join(SOURCES)}, got none")
     for name in names:
         check_choice(name, tuple(SOURCES), "detector")
+    if "surf-disc" in names and limit == "energy":
+        raise InputError('limit: expected range or both with the detector surf-disc, got "energy"')
     taken = {"joint": ("surf",), "paper": ("surf", "sift")}.get(rule)
     if taken and (len(names) > 1 or names[0] not in taken):
         raise InputError(f'detector: expected {" or ".join(taken)} with rule "{rule}", got {", ".join(names)}')
     return names
+
+
+def _usual_limit(detectors: tuple[str, ...]) -> Limit:
+    return "range" if detectors == ("surf-disc",) else "energy"
 
 
 def detect_stretched(

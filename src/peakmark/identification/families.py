@@ -4,7 +4,7 @@ A new pattern is a row here, its levels in `alignment.lit_pattern`, and a model 
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,10 @@ def _by_contrast(candidates: MarkerCandidates) -> Column:
     return np.asarray(0.03 * np.log2(np.clip(candidates.responses, 0.005, 0.1) / 0.1))
 
 
+DISC_SIDE_OF_SURF = 2.4
+"""Side of a DoG marker of a disc's scale, as SIFT's candidates have it, over that which SURF tells of the disc: √2 over
+0.59, measured on drawn discs (`tests/peakmark/identification/test_sift.py`)."""
+
 FAMILIES: Mapping[Made, Family] = {
     # of markers that nothing covers the correlation is above 0.86; in any light the binary pattern's, the simpler one,
     # is up to 0.055 above that of the other, where the other is printed
@@ -69,8 +73,16 @@ FAMILIES: Mapping[Made, Family] = {
 }
 """Of the detectors that markers are made for."""
 
+
+def surf_disc_pages(gray: Gray) -> Iterator[MarkerCandidates]:
+    """Yield SURF's candidates as those of discs: its filter is widest where a disc is 0.27 of it from side to side."""
+    for page in candidate_pages(gray):
+        yield replace(page, sides_px=page.sides_px * DISC_SIDE_OF_SURF)
+
+
 SOURCES: Mapping[str, tuple[Made, Pages]] = {
     **{made_for: (made_for, family.pages) for made_for, family in FAMILIES.items()},
     "vlfeat": ("sift", vlfeat_candidate_pages),
+    "surf-disc": ("sift", surf_disc_pages),
 }
 """Of each detector that `identify` takes the markers that it finds, and where it says that they may be."""

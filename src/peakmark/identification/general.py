@@ -187,8 +187,11 @@ def detect_markers(
     the likelier one.
     """
     found: list[Detection] = []
-    for made_for, pages in (SOURCES[detector] for detector in detectors):
-        if own := [variant for variant in variants if variant.made_for == made_for]:
+    for detector in detectors:
+        made_for, pages = SOURCES[detector]
+        own = [variant for variant in variants if variant.made_for == made_for]
+        own = [variant for variant in own if detector != "surf-disc" or variant.limit == "range"]
+        if own:
             found += _detect_family(gray, own, pages(gray))
     if len(detectors) > 1 and found:
         columns = (np.array([getattr(one, name) for one in found]) for name in ("xy", "size", "probability"))

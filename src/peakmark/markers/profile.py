@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import DOG_RATIO, SIFT_SIDE_IN_SIGMA, Polarity, check_pattern, dog_zero_crossing
 
-RADII = 16
-"""Of the DoG's profile, that it is linear between them: off by 0.003 of black to white at most; with 32 by 0.0007."""
+RADII, MOST_RADII = 16, 32
+"""Of the DoG's profile, that it is linear between them: off by 0.003 of black to white at most, or by 0.0007. With few,
+blur, size and contrast together make up for what is missing."""
 
 _REACH, _EDGE = 0.42, 0.004
 """Radius from which the DoG counts as level, and width of the disc's edge, sides."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from peakmark.errors import InputError, check_choice
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Made, Polarity, Variant, surf_cells
-from peakmark.markers.profile import sift_profile
+from peakmark.markers.profile import MOST_RADII, sift_profile
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import align, shape_grid
 from peakmark.refine.model import PARAMETERS, Pattern, predict
@@ -27,9 +27,6 @@ VARIANTS = {
 """Patterns that `refine` knows, by name."""
 
 PATTERNS = tuple(VARIANTS)
-
-_RADII = 32
-"""Of a DoG's profile: with fewer, blur, size and contrast together make up for what is missing."""
 
 _MIN_EXPLAINED = 0.5
 """Share of the variance that the pattern must explain: below, something else is there."""
@@ -211,7 +208,7 @@ def known_pattern(name: str, border: float) -> Pattern:
         expected = "0…1 sides" if variant.made_for == "surf" else "0 with a round pattern"
         raise InputError(f"border: expected {expected}, got {border}")
     if variant.made_for == "sift":
-        radii, levels = sift_profile(variant.polarity, variant.limit, _RADII)
+        radii, levels = sift_profile(variant.polarity, variant.limit, MOST_RADII)
         return Pattern(radii / ROUND_SPAN, levels[None], ROUND_EXTENT)
     cells = surf_cells(variant.polarity, variant.limit)
     framed = np.pad(cells / 255.0, 1, constant_values=1.0)

@@ -8,6 +8,7 @@ from peakmark.arrays.decode import decode_arrays
 from peakmark.errors import InputError
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
+from peakmark.identification.families import surf_disc_pages
 from peakmark.identification.sift_candidates import dog_extremes
 from peakmark.identification.sift_features import shared_distances
 from peakmark.identification.sift_signature import SIGNATURE, reference_sift_descriptor, sift_signature_distances
@@ -86,8 +87,8 @@ def test_arrays_of_sift_markers_are_read(code: int) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"detector": "orb"}, "detector: expected one of surf, sift, vlfeat, got 'orb'"),
-        ({"detector": ()}, "detector: expected some of surf, sift, vlfeat, got none"),
+        ({"detector": "orb"}, "detector: expected one of surf, sift, vlfeat, surf-disc, got 'orb'"),
+        ({"detector": ()}, "detector: expected some of surf, sift, vlfeat, surf-disc, got none"),
         ({"detector": "sift", "rule": "joint"}, 'detector: expected surf with rule "joint", got sift'),
         ({"detector": "vlfeat", "rule": "paper"}, 'detector: expected surf or sift with rule "paper", got vlfeat'),
     ],
@@ -125,3 +126,22 @@ def test_light_and_dark_markers_share_the_sums_of_opposite_directions() -> None:
     assert shared_distances(descriptors.astype(np.float32)).max() < 0.02
     variant = Variant("dark", "energy", "sift")
     assert sift_signature_distances(descriptors, (variant, variant))[1] > 1
+
+
+def test_a_disc_is_found_where_surf_answers_too_and_has_one_name() -> None:
+    image, truth = wall((Variant("dark", "range", "sift"), Variant("light", "range", "sift")) * 4)
+    by_sift, by_surf = identify(image, detector="sift", limit="range"), identify(image, detector="surf-disc")
+    for found in (by_sift, by_surf):
+        assert {found_at(found, xy).kind for _, xy, _ in truth} == {"sift-range-dark", "sift-range-light"}
+        assert len(found) == len(truth)
+    with pytest.raises(InputError, match="limit: expected range or both with the detector surf-disc"):
+        identify(image, detector="surf-disc", limit="energy")
+
+
+@pytest.mark.parametrize("side", [60, 144])
+def test_surf_tells_the_side_of_a_disc_by_its_scale(side: int) -> None:
+    image = np.pad(marker_image(side, Variant("dark", "range", "sift")), side, constant_values=255)
+    page = next(surf_disc_pages(image))
+    middle = np.linalg.norm(page.xy - (len(image) - 1) / 2, axis=1) < side / 20
+    best = np.flatnonzero(middle)[np.argmax(page.quotients[middle])]
+    assert page.sides_px[best] / np.sqrt(2) == pytest.approx(side, rel=0.12)

@@ -71,6 +71,32 @@ def empty_image(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]
     return LitImage(image if rng.random() < 0.5 else np.asarray(soft, dtype=np.uint8), ())
 
 
+def plain_image(
+    rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], kinds: tuple[Variant, Variant]
+) -> LitImage:
+    """Return an image of twelve sheets of either kind in even light, with a little blur and noise.
+
+    Tilts are up to 60° and sides 20…70 px; of two calls with equal generators only the kinds differ.
+    """
+    tilt_deg, side_px = float(rng.uniform(0, 60)), float(np.exp(rng.uniform(np.log(20), np.log(70))))
+    focal = float(rng.uniform(500, 900))
+    camera = Camera(WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
+    quads = [_wall(rng, photos, side_px)]
+    for number in range(12):
+        row, column = divmod(number, 4)
+        pose = compose(rotation_about("z", rng.uniform(0, 360)), [0.0, 0.0, 0.0])
+        pose[:2, 3] = ((np.array([column, row]) - [1.5, 1]) * 1.9 + rng.uniform(-0.1, 0.1, 2)) * SIDE_M
+        kind = kinds[int(rng.random() < 0.5)]
+        texels = np.pad(marker_image(_TEXELS, kind), _TEXELS // 8, constant_values=255)
+        size = SIDE_M * texels.shape[0] / _TEXELS
+        mark = Mark(f"sheet{number}", kind.kind, SIDE_M)
+        quads.append(Quad(f"sheet{number}", Texture.from_array(texels), (size, size), pose, (mark,)))
+    frame = render(Scene(tuple(quads)), camera, _pose(rng, focal, side_px, tilt_deg), renderer="exact")
+    soft = cv2.GaussianBlur(np.asarray(frame.linear, dtype=np.float64), (0, 0), float(rng.uniform(0.3, 1.0)))
+    noisy = 25 + 0.8 * np.asarray(soft) + rng.uniform(0.5, 3) * rng.standard_normal(soft.shape)
+    return LitImage(np.clip(np.rint(noisy), 0, 255).astype(np.uint8), frame.truth)
+
+
 def _wall(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], side_px: float) -> Quad:
     """Return the surface under the sheets, six images wide."""
     contrast, mean = float(rng.uniform(0.3, 1)), float(rng.uniform(70, 190))

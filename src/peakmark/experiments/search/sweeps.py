@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from peakmark.errors import InputError, check_choice
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
+from peakmark.identification.families import SOURCES
 from peakmark.identification.general import detect_markers
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Made, Variant, marker_image
+from peakmark.markers.patterns import Variant, marker_image
 from peakmark.score.statistics import wilson
 
 Levels = NDArray[np.float64]
@@ -48,21 +49,22 @@ class SweepConfig:
     """In each cell, half of them dark."""
     seed: int = 0
     """Of phases, rotations and noise."""
-    made_for: Made = "surf"
-    """The detector that they are made for."""
+    detector: str = "surf"
+    """That looks for them, see `families.SOURCES`."""
     limit: Limit = "energy"
     """Of their pattern."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.markers <= 10_000 or self.seed < 0:
             raise InputError(f"expected --markers 1…10000 and --seed 0 or more, got {self.markers} and {self.seed}")
-        check_choice(self.made_for, get_args(Made), "--detector")
+        check_choice(self.detector, tuple(SOURCES), "--detector")
         check_choice(self.limit, get_args(Limit), "--limit")
 
     @property
     def variants(self) -> tuple[Variant, Variant]:
         """Light and dark."""
-        return Variant("light", self.limit, self.made_for), Variant("dark", self.limit, self.made_for)
+        made_for = SOURCES[self.detector][0]
+        return Variant("light", self.limit, made_for), Variant("dark", self.limit, made_for)
 
 
 def cells() -> Iterator[tuple[str, float, float]]:
@@ -114,7 +116,7 @@ def found_in(config: SweepConfig, name: str, value: float, tilt_deg: float, cell
     center = np.array(shape[::-1]) / 2 + rng.uniform(-0.5, 0.5, 2)
     variant = config.variants[number % 2]
     levels = draw_marker(center, side_px, tilt_deg, rng.uniform(0, 360), variant, shape)
-    found = detect_markers(disturbed(levels, name, value, center, rng), config.variants, (config.made_for,))
+    found = detect_markers(disturbed(levels, name, value, center, rng), config.variants, (config.detector,))
     within = max(side_px / 20, 0.7)
     return any(d.polarity == variant.polarity and float(np.linalg.norm(d.xy - center)) < within for d in found)
 
