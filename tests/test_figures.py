@@ -103,6 +103,17 @@ def test_surf_beside_opencv() -> None:
     assert f"{np.floor(min(detect)):.0f} to {np.floor(max(detect)):.0f} times faster" in text("README.md")
 
 
+def test_the_first_page_says_who_wins_in_shadow() -> None:
+    topics = json.loads(text("docs/figures/comparison/data.json"))["topics"]
+    (shadow,) = (topic for topic in topics if topic["name"] == "shadow")
+    found = {reader["reader"]: reader for reader in shadow["readers"]}
+    ours, library, opencv = (found[name] for name in ("identify", "AprilTag-C", "OpenCV AprilTag"))
+    words = f"{100 * ours['value']:.0f} % found, AprilTag {100 * library['value']:.0f} % by its own library, "
+    assert f"{words}{100 * opencv['value']:.0f} % by OpenCV" in text("docs/index.md")
+    assert ours["high"] > opencv["low"]  # level: the intervals overlap
+    assert library["high"] > ours["low"]
+
+
 def test_every_page_of_figures_names_its_command_and_every_data_file_its_own() -> None:
     index = text("docs/figures/index.md")
     for page in (ROOT / "docs" / "figures").glob("*.md"):
