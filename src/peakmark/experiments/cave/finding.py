@@ -30,7 +30,7 @@ def find(gray: NDArray[np.uint8], features: Keypoints, rule: CaveRule, made_for:
     """Return the dark and light markers, and all features with their distances from the signature that both share.
 
     SIFT's markers are those of `identify(image, detector="sift")` by the robust rule; a detection's rank is then that
-    of the strongest feature of its polarity near it, 0 where there is none.
+    of the strongest feature of its polarity near it, beyond all where there is none.
     """
     assert features.descriptors is not None
     if rule == "paper":
@@ -47,4 +47,4 @@ def find(gray: NDArray[np.uint8], features: Keypoints, rule: CaveRule, made_for:
 def _ranked(marker: Detection, features: Keypoints) -> Detection:
     near = np.linalg.norm(features.xy - marker.xy, axis=1) < _NEAR_SIDES * marker.size
     rows = np.flatnonzero(near & is_polarity(features, marker.polarity or "dark"))
-    return replace(marker, rank=int(rows[0]) + 1 if len(rows) else 0)
+    return replace(marker, rank=int(rows[0] if len(rows) else len(features)) + 1)

@@ -134,7 +134,7 @@ def response_figure(view: CaveView) -> Any:
     figure, ax = plots.new_figure()
     found = view.reading.found
     is_taken = np.zeros(len(found.features), dtype=bool)
-    is_taken[[detection.rank - 1 for detection in found.detections if detection.rank]] = True
+    is_taken[[d.rank - 1 for d in found.detections if d.rank <= len(is_taken)]] = True
     is_marker = at_markers(view.frame.truth, found.features)
     plots.response_over_vis(ax, found.features.response, found.signature_distances, is_marker, is_taken, view.made_for)
     return figure
