@@ -139,10 +139,14 @@ typedef struct {
     float levels[TILE];
 } counted;
 
-static void count_up(model *m, const double *theta, counted *tile, double *sums, double *counts) {
+static void count_up(model *m, const double *theta, counted *tile, double *sums, double *counts, double *all) {
     tile_rows rows;
     if (tile->count) compare_tile(m, theta, tile->xy, tile->levels, tile->count, rows);
-    for (int64_t i = 0; i < tile->count; i++) sums[tile->cells[i]] += rows[LIT][i] / theta[8], counts[tile->cells[i]]++;
+    for (int64_t i = 0; i < tile->count; i++) {
+        all[tile->cells[i]]++;
+        if (m->cut > 0 && fabs(rows[LIT][i]) > 2 * m->cut) continue;
+        sums[tile->cells[i]] += rows[LIT][i] / theta[8], counts[tile->cells[i]]++;
+    }
     tile->count = 0;
 }
 
@@ -153,9 +157,10 @@ static int64_t nearest_pixel(double position, int64_t length) {
     return position > 0 ? (int64_t)lesser(position, (double)(length - 1)) : 0;
 }
 
-/* Sums of residuals over gain in 11 × 11 cells, the outermost beyond the pattern, and how many pixels are in each. */
+/* Sums of residuals over gain in 11 × 11 cells, the outermost beyond the pattern, how many pixels of each are compared,
+   and how many are in each. */
 static void fill_cells(model *m, const uint8_t *gray, int64_t height, int64_t width, const double *theta, double *sums,
-                       double *counts) {
+                       double *counts, double *all) {
     double reach = (double)CELLS / CELLS_A_SIDE / 2, side = sqrt(fabs(theta[2] * theta[5] - theta[3] * theta[4]));
     double half_x = 1.3 * reach * (fabs(theta[2]) + fabs(theta[3])) + 1, half_y = 1.3 * reach * (fabs(theta[4]) + fabs(theta[5])) + 1;
     int64_t step = most(1, nearest_pixel(side / FINE_SIDE, most(height, width)));
@@ -173,10 +178,10 @@ static void fill_cells(model *m, const uint8_t *gray, int64_t height, int64_t wi
                 tile.xy[2 * tile.count] = (int32_t)(x + i * step), tile.xy[2 * tile.count + 1] = (int32_t)y;
                 tile.levels[tile.count] = gray[y * width + x + i * step];
                 tile.cells[tile.count++] = cell_at(at.v[i], reach) * CELLS + cell_at(at.u[i], reach);
-                if (tile.count == TILE) count_up(m, theta, &tile, sums, counts);
+                if (tile.count == TILE) count_up(m, theta, &tile, sums, counts, all);
             }
         }
-    count_up(m, theta, &tile, sums, counts);
+    count_up(m, theta, &tile, sums, counts, all);
 }
 
 /* Choose pixels and read them straight from the image: the marker may be as large as it. */
@@ -199,7 +204,7 @@ EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t wid
                                 const double *center, double size, const double *lines, int64_t line_count,
                                 const int64_t *index, int64_t rows, int64_t intervals, const double *base, int64_t base_count,
                                 double extent, const double *knots, int64_t knot_count, double cut, double *figures,
-                                double *sums, double *counts) {
+                                double *sums, double *counts, double *all) {
     if (knot_count > MOST_KNOTS) return TOO_LARGE;
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent, .anchor = {center[0], center[1], size}, .cut = cut};
@@ -212,6 +217,7 @@ EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t wid
     memset(figures, 0, 8 * sizeof *figures);
     memset(sums, 0, CELLS * CELLS * sizeof *sums);
     memset(counts, 0, CELLS * CELLS * sizeof *counts);
+    memset(all, 0, CELLS * CELLS * sizeof *all);
     status state = read_bytes(&m, gray, height, width, theta, &taken, &xy, &levels, &chosen);
     double *r = state == DONE ? take(&taken, chosen.count, sizeof *r) : NULL;
     if (state == DONE && !r) state = OUT_OF_MEMORY;
@@ -219,7 +225,7 @@ EXPORT status measure_alignment(const uint8_t *gray, int64_t height, int64_t wid
     if (state == DONE && chosen.count >= MIN_PIXELS) {
         state = take_columns(&c, chosen.count, 3 + knot_count, &taken);
         if (state == DONE) measure(&m, theta, &chosen, &c, knots, knot_count, figures);
-        if (state == DONE) fill_cells(&m, gray, height, width, theta, sums, counts);
+        if (state == DONE) fill_cells(&m, gray, height, width, theta, sums, counts, all);
     }
     give_back(&taken);
     return state;
@@ -240,7 +246,7 @@ EXPORT status align_each(const uint8_t *gray, int64_t height, int64_t width, con
                          const double *base, int64_t base_count, double extent, double focal, const double *samples, int64_t sample_count,
                          const double *expected, const double *shapes, int64_t shape_count, double sigma, double hopeless,
                          const double *knots, int64_t knot_count, double *theta, double *fits, double *figures,
-                         double *sums, double *counts) {
+                         double *sums, double *counts, double *all) {
     status state = DONE;
     for (int64_t k = 0; k < n && state == DONE; k++) {
         double *found = theta + LIT * k, *fit = fits + 4 * k;
@@ -251,7 +257,7 @@ EXPORT status align_each(const uint8_t *gray, int64_t height, int64_t width, con
         if (state != DONE || !is_near(found, center, sides[k], fit[1])) continue;
         state = measure_alignment(gray, height, width, found, center, sides[k], lines, line_count, index, rows, intervals, base,
                                   base_count, extent, knots, knot_count, fit[3], figures + 8 * k, sums + CELLS * CELLS * k,
-                                  counts + CELLS * CELLS * k);
+                                  counts + CELLS * CELLS * k, all + CELLS * CELLS * k);
     }
     return state;
 }

@@ -93,23 +93,9 @@ status set_surroundings(surroundings *around, const uint8_t *gray, int64_t heigh
 
 /* ---- coarse search over shapes ---- */
 
-status set_coarse(coarse *search, const double *samples, const double *expected, int64_t count, const double *shapes,
-                  int64_t shape_count, bool has_plane) {
-    if (count > MOST_SAMPLES || shape_count < 1) return TOO_LARGE;
-    *search = (coarse){.padded = (count + 7) / 8 * 8, .count = (double)count, .shapes = shapes,
-                       .shape_count = shape_count, .has_plane = has_plane};
-    if (has_plane && shape_count % GROUP == 0) search->group = GROUP;
-    for (int64_t i = 0; i < count; i++) {
-        search->u[i] = (float)samples[2 * i], search->v[i] = (float)samples[2 * i + 1];
-        search->expected[i] = (float)expected[i], search->used[i] = 1;
-        search->spread += samples[2 * i] * samples[2 * i];
-    }
-    return DONE;
-}
-
 /* Levels at the samples under a shape, less one level, bilinear between pixels; outside the image its nearest pixel. */
-static void sample(const coarse *search, picture image, const double *center, const double *shape, double size,
-                   float level, float *values) {
+void sample(const coarse *search, picture image, const double *center, const double *shape, double size, float level,
+            float *values) {
     const float a = (float)(shape[0] * size), b = (float)(shape[1] * size), c = (float)(shape[2] * size);
     const float d = (float)(shape[3] * size), cx = (float)center[0], cy = (float)center[1];
     const float right = (float)image.width - 1.001f, bottom = (float)image.height - 1.001f;
@@ -147,6 +133,20 @@ static double correlation(const coarse *search, const float *values) {
     return sum8(product) / sqrt(greater(variance, search->has_plane ? 1e-6 : 1e-9));
 }
 
+status set_coarse(coarse *search, const double *samples, const double *expected, int64_t count, const double *shapes,
+                  int64_t shape_count, bool has_plane) {
+    if (count > MOST_SAMPLES || shape_count < 1) return TOO_LARGE;
+    *search = (coarse){.padded = (count + 7) / 8 * 8, .count = (double)count, .shapes = shapes,
+                       .shape_count = shape_count, .has_plane = has_plane, .score = correlation};
+    if (has_plane && shape_count % GROUP == 0) search->group = GROUP;
+    for (int64_t i = 0; i < count; i++) {
+        search->u[i] = (float)samples[2 * i], search->v[i] = (float)samples[2 * i + 1];
+        search->expected[i] = (float)expected[i], search->used[i] = 1;
+        search->spread += samples[2 * i] * samples[2 * i];
+    }
+    return DONE;
+}
+
 /* The best of some shapes so far. */
 typedef struct {
     int64_t shape;
@@ -157,7 +157,7 @@ static best_of better(const coarse *search, picture image, const double *center,
                       best_of best) {
     float values[MOST_SAMPLES];
     sample(search, image, center, search->shapes + 4 * shape, size, level, values);
-    double score = correlation(search, values);
+    double score = search->score(search, values);
     return score > best.score ? (best_of){shape, score} : best;
 }
 

@@ -17,7 +17,7 @@ enum {
 #define LEVEL_SIDE 18.0 /* side, px, to which block means bring a larger pattern, at least; above it the first fit softens twice */
 
 /* The points of a coarse search, padded to whole lanes, and the shapes that it tries. */
-typedef struct {
+typedef struct coarse {
     int64_t padded;
     double count, spread;
     float u[MOST_SAMPLES], v[MOST_SAMPLES], expected[MOST_SAMPLES], used[MOST_SAMPLES];
@@ -25,6 +25,7 @@ typedef struct {
     int64_t shape_count;
     int64_t group;  /* shapes of one foreshortening that follow each other; 0 where all are tried */
     bool has_plane; /* a plane is taken out of the image first, so that a ramp of light costs nothing */
+    double (*score)(const struct coarse *search, const float *values); /* how well levels at the points agree */
 } coarse;
 
 /* An image around a position: its own pixels, block means in which the pattern has about LEVEL_SIDE px a side, and
@@ -72,6 +73,8 @@ status set_surroundings(surroundings *around, const uint8_t *gray, int64_t heigh
                         double size, double level_side, memory *taken);
 bool is_too_small(const surroundings *around);
 picture softened_picture(picture image, memory *taken);
+void sample(const coarse *search, picture image, const double *center, const double *shape, double size, float level,
+            float *values);
 int64_t best_shape(const coarse *search, picture image, const double *center, double size, int64_t first, int64_t count,
                    double *score);
 status read_pixels(const model *m, picture image, const double *theta, int64_t wanted, memory *taken, pixels *chosen);

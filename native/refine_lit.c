@@ -10,8 +10,8 @@ static const double TONE = 0.35, TONE_SPREAD = 0.4, GAIN_SPREAD = 0.5, OFFSET_SP
 enum { PART_PIXELS = 800, RAMP_PIXELS = 250 };
 static const double UNCLEAR = 0.012, RAMP_CENTER_SPREAD = 0.1, RAMP_SHAPE_SPREAD = 0.25, SOFTENED = 0.1406;
 static const double WORTH = 25, LOST = 0.12, CORRELATED_SIDE = 12.0;
-static const double COVERED_NOISE = 6, COVERED_SHARE = 0.006, CUT_SIGMAS = 3, CUT_SHARE = 0.08, LEAST_SHARE = 0.4, LEFT = 0.15;
-static const double FIRST_CUT = 4;
+static const double REST_NOISE = 6, REST_SHARE = 0.006, FIRST_CUT = 2, CUT_SIGMAS = 3, CUT_SHARE = 0.08, LEFT = 0.15;
+static const double SOFT_LEFT = 0.003, LEAST_SOFT_SHARE = 0.35, LEAST_SHARE = 0.3, OPEN_SHARE = 0.6, AWAY = 0.25;
 static const double RIM_BLUR = 0.03, WHITE_RIM = 3;
 
 static const patience LAST_FIT = {10, 1.0, 1e-2, 0}, LONG_FIT = {25, 1.0, 1e-2, 0}, SHORT_FIT = {4, 1.0, 0.1, 0};
@@ -49,26 +49,6 @@ static fitted fit_motion(model *m, const pixels *chosen, double size, const fitt
     return fit(m, chosen, start, before, to_be_worth(LAST_FIT, chosen, still));
 }
 
-/* The fit of a pattern that something covers in part: pixels that are far off count little, at first only those very far
-   off; kept where what remains fits. */
-static void fit_covered(model *m, const pixels *chosen, double sigma, prior *before, fitted *result, double *cut) {
-    double gain = result->theta[8];
-    fitted robust = *result;
-    bool is_covered = gain > 0 && result->noise > COVERED_NOISE * greater(sigma * sigma, 1) &&
-                      result->noise > COVERED_SHARE * gain * gain;
-    if (!is_covered) return;
-    for (int k = 11; k < LIT; k++)
-        if (k != 15) before->precision[k] = HELD, robust.theta[k] = 0;
-    use_free(before);
-    for (double times = FIRST_CUT; times >= 1; times /= 2) {
-        m->cut = times * greater(CUT_SIGMAS * sigma, CUT_SHARE * gain);
-        robust = fit(m, chosen, robust.theta, before, times > 1 ? SHORT_FIT : LAST_FIT);
-    }
-    if (robust.converged && robust.theta[8] > 0 && robust.share > LEAST_SHARE && robust.noise < LEFT * result->noise)
-        *result = robust, *cut = m->cut;
-    m->cut = 0;
-}
-
 /* Whether a fit with more parameters could be worth them, down to half the image's own noise. */
 static bool may_improve(const pixels *chosen, const fitted *result, double sigma) {
     double least_noise = greater(sigma * sigma / 2, 1.0 / 12);
@@ -87,9 +67,9 @@ static void free_planes(prior *before) {
     use_free(before);
 }
 
-/* The last fits, to the image's own pixels: tone first, then planes of light, motion, and what is not covered. */
+/* The last fits, to the image's own pixels: tone first, then planes of light and motion. */
 static void fit_light(model *m, const pixels *chosen, double size, double sigma, bool has_ramp, prior *before,
-                      fitted *result, double *cut) {
+                      fitted *result) {
     use_free(before);
     if (has_ramp) free_planes(before);
     *result = fit(m, chosen, result->theta, before, LAST_FIT);
@@ -102,7 +82,6 @@ static void fit_light(model *m, const pixels *chosen, double size, double sigma,
     if (result->length == INFINITY || !may_improve(chosen, result, sigma)) return;
     fitted moved = fit_motion(m, chosen, size, result, before);
     keep_better(chosen, &moved, result);
-    fit_covered(m, chosen, sigma, before, result, cut);
 }
 
 /* The prior of a last fit, of the parameters that it has: planes and motion that are 0 were not kept. */
@@ -119,22 +98,28 @@ static prior last_prior(const model *m, const double *theta, double size, double
     return before;
 }
 
-/* The last fits to a part of the pixels, then to all. */
-static status fit_image(model *m, picture crop, double size, double focal, double sigma, bool has_ramp, prior *before,
-                        fitted *result, double *cut, memory *taken) {
-    pixels part, all;
-    status state = read_pixels(m, crop, result->theta, PART_PIXELS, taken, &part);
-    if (state != DONE) return state;
-    fit_light(m, &part, size, sigma, has_ramp, before, result, cut);
-    if (!(result->length < 1)) return DONE;
-    state = read_pixels(m, crop, result->theta, PIXELS, taken, &all);
-    if (state != DONE || all.count < part.count * 3 / 2) return state;
+/* The last fit once more, to all pixels, where it was to a much smaller part of them. */
+static status polish(model *m, picture crop, double size, double focal, int64_t part, fitted *result, double cut,
+                     memory *taken) {
+    pixels all;
+    status state = read_pixels(m, crop, result->theta, PIXELS, taken, &all);
+    if (state != DONE || all.count < part * 3 / 2) return state;
     prior last = last_prior(m, result->theta, size, focal);
-    m->cut = *cut;
+    m->cut = cut;
     fitted polished = fit(m, &all, result->theta, &last, (patience){6, 1.0, 1e-2, 0});
     m->cut = 0;
     if (polished.converged && polished.theta[8] > 0) *result = polished;
     return DONE;
+}
+
+/* The last fits to a part of the pixels, then to all. */
+static status fit_image(model *m, picture crop, double size, double focal, double sigma, bool has_ramp, prior *before,
+                        fitted *result, memory *taken) {
+    pixels part;
+    status state = read_pixels(m, crop, result->theta, PART_PIXELS, taken, &part);
+    if (state != DONE) return state;
+    fit_light(m, &part, size, sigma, has_ramp, before, result);
+    return result->length < 1 ? polish(m, crop, size, focal, part.count, result, 0, taken) : DONE;
 }
 
 /* Where planes of light explain the softened image and nothing else does, a steep ramp, the fit with them: from the coarse
@@ -160,35 +145,231 @@ static status find_ramp(model *m, const surroundings *around, const double *cent
     return state;
 }
 
-/* From the softened block means over the sharp ones to the image's own pixels; ends where the first explains nothing. */
-static status align_lit(model *m, const surroundings *around, const double *center, double size, double focal,
-                        const coarse *search, double sigma, double hopeless, fitted *result, double *ratio,
-                        double *cut, memory *taken) {
-    double block = (double)around->block, precision = (focal / size) * (focal / size);
-    const double local[2] = {(center[0] - (double)around->left - (block - 1) / 2) / block,
-                             (center[1] - (double)around->top - (block - 1) / 2) / block};
+/* ---- a second look, at parts ---- */
+
+enum { SECTORS = 8, LEAST_SECTORS = 4, MOST_SECTORS = 6, ALL_SECTORS = 8 };
+
+/* A run of sectors around the centre in which pattern and image agree best. */
+typedef struct {
+    int first, count;
+    double worth;
+} sector_run;
+
+/* Which of eight sectors, centred on the sides and corners, a point of the pattern lies in. */
+static int sector_of(double u, double v) {
+    double a = fabs(u), b = fabs(v);
+    if (b <= 0.41421356 * a) return u >= 0 ? 0 : 4;
+    if (a <= 0.41421356 * b) return v >= 0 ? 2 : 6;
+    return v >= 0 ? (u >= 0 ? 1 : 3) : (u >= 0 ? 7 : 5);
+}
+
+static bool is_within(const sector_run *run, double u, double v) {
+    return (sector_of(u, v) - run->first + SECTORS) % SECTORS < run->count;
+}
+
+typedef struct {
+    double n, a, b, aa, bb, ab;
+} moments;
+
+static void add_moments(moments *sum, const moments *other) {
+    sum->n += other->n, sum->a += other->a, sum->b += other->b;
+    sum->aa += other->aa, sum->bb += other->bb, sum->ab += other->ab;
+}
+
+/* −n log(1 − ρ²): how much better the pattern explains the points than their mean does. */
+static double worth_of(const moments *sum) {
+    double ab = sum->ab - sum->a * sum->b / sum->n;
+    double aa = greater(sum->aa - sum->a * sum->a / sum->n, 1e-6), bb = greater(sum->bb - sum->b * sum->b / sum->n, 1e-9);
+    return ab > 0 ? -sum->n * same_log(greater(1 - ab * ab / (aa * bb), 1e-3)) : 0;
+}
+
+static sector_run best_run(const coarse *search, const float *values) {
+    moments of[SECTORS] = {{0}};
+    for (int64_t i = 0; i < (int64_t)search->count; i++) {
+        double a = values[i], b = search->expected[i];
+        moments one = {1, a, b, a * a, b * b, a * b};
+        add_moments(&of[sector_of(search->u[i], search->v[i])], &one);
+    }
+    sector_run best = {0, ALL_SECTORS, 0};
+    for (int first = 0; first < SECTORS; first++) {
+        moments sum = {0};
+        for (int count = 1; count <= MOST_SECTORS; count++) {
+            add_moments(&sum, &of[(first + count - 1) % SECTORS]);
+            double worth = count < LEAST_SECTORS ? 0 : worth_of(&sum);
+            if (worth > best.worth) best = (sector_run){first, count, worth};
+        }
+        if (first > 0) continue;
+        for (int rest = MOST_SECTORS; rest < SECTORS; rest++) add_moments(&sum, &of[rest]);
+        double worth = worth_of(&sum);
+        if (worth > best.worth) best = (sector_run){0, ALL_SECTORS, worth};
+    }
+    return best;
+}
+
+static double worth_of_best_run(const coarse *search, const float *values) { return best_run(search, values).worth; }
+
+/* Keep the pixels that lie in a run of sectors. */
+static void keep_run(const sector_run *run, const double *theta, int32_t *xy, float *levels, pixels *chosen) {
+    int64_t kept = 0;
+    for (int64_t i = 0; i < chosen->count; i++) {
+        pattern_view at = pattern_point(theta, xy[2 * i], xy[2 * i + 1]);
+        if (!is_within(run, at.u, at.v)) continue;
+        xy[2 * kept] = xy[2 * i], xy[2 * kept + 1] = xy[2 * i + 1];
+        levels[kept++] = levels[i];
+    }
+    *chosen = (pixels){xy, levels, kept};
+}
+
+/* The fit of what may be covered in part, from the shape and the sectors in which the softened image agrees best: first to
+   these alone, then to all pixels, of which those far off count little. */
+static status look_again(model *m, const surroundings *around, const double *center, double size, const coarse *search,
+                         const prior *before, fitted *result, memory *taken) {
+    coarse partly = *search;
+    prior here = *before;
+    double start[LIT] = {center[0], center[1]}, score, low = INFINITY, high = -INFINITY;
+    float values[MOST_SAMPLES];
+    partly.score = worth_of_best_run;
+    const double *shape = partly.shapes + 4 * best_shape(&partly, around->soft, center, size, 0, partly.shape_count, &score);
+    sample(search, around->soft, center, shape, size, 0, values);
+    sector_run run = best_run(search, values);
+    for (int64_t i = 0; i < (int64_t)search->count; i++)
+        if (is_within(&run, search->u[i], search->v[i])) low = lesser(low, values[i]), high = greater(high, values[i]);
+    for (int k = 0; k < 4; k++) start[2 + k] = size * shape[k];
+    start[8] = high - low, start[9] = low, start[10] = 0.5, start[15] = TONE;
+    *result = (fitted){.length = INFINITY};
+    memcpy(result->theta, start, sizeof start);
+    memcpy(here.mean, start, sizeof start);
+    here.precision[0] = here.precision[1] = per_square(RAMP_CENTER_SPREAD * size);
+    for (int k = 2; k < 6; k++) here.precision[k] = per_square(RAMP_SHAPE_SPREAD * size);
+    pixels chosen;
+    status state = read_pixels(m, around->soft, start, PART_PIXELS, taken, &chosen);
+    if (state != DONE) return state;
+    keep_run(&run, start, (int32_t *)chosen.xy, (float *)chosen.levels, &chosen);
+    *result = fit(m, &chosen, start, &here, LAST_FIT);
+    free_planes(&here);
+    for (double times = FIRST_CUT; times >= 1 && result->noise > 0 && result->theta[8] > 0 && state == DONE; times /= 2) {
+        m->cut = times * CUT_SHARE * result->theta[8];
+        state = fit_picture(m, around->soft, result->theta, PART_PIXELS, &here, times > 1 ? SHORT_FIT : LAST_FIT, result);
+    }
+    m->cut = 0;
+    return state;
+}
+
+/* ---- all steps ---- */
+
+/* From block means to the image's own pixels. */
+static void enlarge(fitted *result, double block) {
+    for (int k = 0; k < 2; k++) result->theta[k] = block * result->theta[k] + (block - 1) / 2;
+    for (int k = 2; k < 6; k++) result->theta[k] *= block;
+}
+
+static prior first_prior(const model *m, double size, double focal) {
+    double precision = (focal / size) * (focal / size);
     prior before = {.mean = {[15] = TONE},
                     .precision = {[6] = precision, [7] = precision, [10] = HELD, HELD, HELD, HELD, HELD,
                                   per_square(TONE_SPREAD), HELD, HELD}};
     hold_turn(m, &before);
     if (m->is_round) hold(&before, 6), hold(&before, 7); /* a ramp of light looks like perspective: that comes last */
     use_free(&before);
+    return before;
+}
+
+/* Anchor the planes in the block means, and return in `local` where the centre is there. */
+static void set_local(model *m, const surroundings *around, const double *center, double size, double *local) {
+    double block = (double)around->block;
+    local[0] = (center[0] - (double)around->left - (block - 1) / 2) / block;
+    local[1] = (center[1] - (double)around->top - (block - 1) / 2) / block;
     set_anchor(m, local[0], local[1], size / block);
+}
+
+/* From block means to the image's own pixels, which are blurred less. */
+static void go_to_pixels(model *m, const surroundings *around, const double *center, double size, fitted *result,
+                         prior *before) {
+    enlarge(result, (double)around->block);
+    set_anchor(m, center[0] - (double)around->left, center[1] - (double)around->top, size);
+    before->precision[10] = per_square(BLUR_SPREAD);
+}
+
+/* From the softened block means over the sharp ones to the image's own pixels; ends where the first explains nothing. */
+static status align_lit(model *m, const surroundings *around, const double *center, double size, double focal,
+                        const coarse *search, double sigma, double hopeless, fitted *result, double *ratio,
+                        memory *taken) {
+    double block = (double)around->block, local[2];
+    prior before = first_prior(m, size, focal);
+    set_local(m, around, center, size, local);
     status state = fit_softly(m, around, local, size / block, search, &before, sigma, hopeless, result, ratio, taken);
     bool has_ramp = false;
     if (state == DONE && *ratio > UNCLEAR && *ratio < INFINITY)
         state = find_ramp(m, around, local, size / block, search, sigma, &before, lesser(*ratio, hopeless) / 4, result, &has_ramp);
     if (has_ramp) *ratio = lesser(*ratio, hopeless);
+    if (*ratio > hopeless) result->length = INFINITY;
     if (state != DONE || *ratio > hopeless) return state;
     before.mean[10] = result->theta[10] = SHARP;
     if (around->block > 1)
         state = fit_picture(m, around->level, result->theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0, 0}, result);
     if (state != DONE) return state;
-    for (int k = 0; k < 2; k++) result->theta[k] = block * result->theta[k] + (block - 1) / 2;
-    for (int k = 2; k < 6; k++) result->theta[k] *= block;
-    set_anchor(m, center[0] - (double)around->left, center[1] - (double)around->top, size);
-    before.precision[10] = per_square(BLUR_SPREAD);
-    return fit_image(m, around->crop, size, focal, sigma, has_ramp, &before, result, cut, taken);
+    go_to_pixels(m, around, center, size, result, &before);
+    return fit_image(m, around->crop, size, focal, sigma, has_ramp, &before, result, taken);
+}
+
+/* Whether a fit ended far from where it began. */
+static bool is_away(const model *m, const fitted *result) {
+    double x = result->theta[0] - m->anchor[0], y = result->theta[1] - m->anchor[1];
+    return x * x + y * y > AWAY * AWAY * m->anchor[2] * m->anchor[2];
+}
+
+static bool is_given_up(const model *m, const fitted *result) {
+    return !(result->length < INFINITY && result->theta[8] > 0) || is_away(m, result);
+}
+
+/* Whether much is left that noise does not explain. */
+static bool is_unexplained(const fitted *result, double sigma) {
+    return result->noise > REST_NOISE * greater(sigma * sigma, 1) &&
+           result->noise > REST_SHARE * result->theta[8] * result->theta[8];
+}
+
+/* The fit to the image's own pixels of what may be covered in part; without a cut where that explains all. */
+static fitted fit_part(model *m, const pixels *chosen, const double *start, double sigma, prior *before, double *cut) {
+    fitted part = {.length = INFINITY};
+    memcpy(part.theta, start, sizeof part.theta);
+    free_planes(before);
+    for (double times = FIRST_CUT; times >= 1; times /= 2) {
+        m->cut = *cut = times * greater(CUT_SIGMAS * sigma, CUT_SHARE * part.theta[8]);
+        part = fit(m, chosen, part.theta, before, times > 1 ? SHORT_FIT : LAST_FIT);
+    }
+    m->cut = 0;
+    if (!(part.share > OPEN_SHARE)) return part;
+    fitted open = fit(m, chosen, part.theta, before, LAST_FIT);
+    if (!open.converged || is_unexplained(&open, sigma)) return part;
+    *cut = 0;
+    return open;
+}
+
+/* A second look, where the first explains little: kept where it leaves much less. */
+static status align_in_part(model *m, const surroundings *around, const double *center, double size, double focal,
+                            const coarse *search, double sigma, fitted *result, double *cut, memory *taken) {
+    double block = (double)around->block, local[2], own_cut;
+    double was = is_given_up(m, result) ? INFINITY : result->noise;
+    prior before = first_prior(m, size, focal);
+    fitted part;
+    set_local(m, around, center, size, local);
+    status state = look_again(m, around, local, size / block, search, &before, &part, taken);
+    double gain = part.theta[8], expected = SOFTENED * sigma * sigma / (block * block);
+    bool is_likely = gain > 0 && part.noise > 0 && part.share > LEAST_SOFT_SHARE &&
+                     part.noise - expected < SOFT_LEFT * gain * gain;
+    part.theta[10] = before.mean[10] = SHARP;
+    go_to_pixels(m, around, center, size, &part, &before);
+    if (state != DONE || !is_likely) return state;
+    pixels chosen;
+    state = read_pixels(m, around->crop, part.theta, PART_PIXELS, taken, &chosen);
+    if (state != DONE) return state;
+    part = fit_part(m, &chosen, part.theta, sigma, &before, &own_cut);
+    gain = part.theta[8];
+    bool is_kept = gain > 0 && part.share > LEAST_SHARE && part.noise - sigma * sigma < REST_SHARE * gain * gain &&
+                   part.noise < LEFT * was;
+    if (!is_kept) return DONE;
+    *result = part, *cut = own_cut;
+    return polish(m, around->crop, size, focal, chosen.count, result, own_cut, taken);
 }
 
 EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
@@ -199,7 +380,7 @@ EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width,
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent};
     if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
-    memory taken = {.count = 0};
+    memory taken = {.count = 0}, more = {.count = 0};
     coarse search;
     surroundings around;
     fitted result = {.length = INFINITY};
@@ -207,10 +388,12 @@ EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width,
     status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, true);
     if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
     bool is_tried = state == DONE && !is_too_small(&around);
-    if (is_tried) state = align_lit(&m, &around, center, size, focal, &search, sigma, hopeless, &result, &ratio, &cut,
-                                     &taken);
+    if (is_tried) state = align_lit(&m, &around, center, size, focal, &search, sigma, hopeless, &result, &ratio, &taken);
+    if (is_tried && state == DONE && !m.is_round && (is_given_up(&m, &result) || is_unexplained(&result, sigma)))
+        state = align_in_part(&m, &around, center, size, focal, &search, sigma, &result, &cut, &more);
+    give_back(&more);
     give_back(&taken);
-    bool is_hopeless = !(ratio <= hopeless);
+    bool is_hopeless = !(result.length < INFINITY);
     if (is_tried && !is_hopeless) result.theta[0] += (double)around.left, result.theta[1] += (double)around.top;
     memcpy(theta, result.theta, sizeof result.theta);
     figures[0] = is_hopeless ? 0 : result.noise;

@@ -38,7 +38,7 @@ _TEMPLATE_PX, _TEMPLATE_BLUR, _TEMPLATE_TONE = 1000.0, 0.05, 1.4
 _measure_alignment = function(
     "status measure_alignment(const u1[height,width] gray, const f8[18] theta, const f8[2] center, f8 size, "
     "const f8[line_count] lines, const i8[rows,intervals] index, const f8[base_count] base, f8 extent, "
-    "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts)"
+    "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts, f8[121] pixels)"
 )
 
 _align_each = function(
@@ -46,7 +46,7 @@ _align_each = function(
     "const i8[rows,intervals] index, const f8[base_count] base, f8 extent, f8 focal, "
     "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[shape_count,2,2] shapes, f8 sigma, "
     "f8 hopeless, const f8[knot_count] knots, f8[n,18] theta, f8[n,4] fits, f8[n,8] figures, f8[n,121] sums, "
-    "f8[n,121] counts)"
+    "f8[n,121] counts, f8[n,121] pixels)"
 )
 _block_medians = function("void block_medians(const u1[height,width] gray, f8[down,across] medians)")
 
@@ -76,6 +76,8 @@ class Aligned:
     sums: NDArray[np.float64]
     """(n, 11, 11) of residuals over gain in cells, the outermost beyond the pattern."""
     counts: NDArray[np.float64]
+    """(n, 11, 11) pixels of each cell that are compared."""
+    pixels: NDArray[np.float64]
     """(n, 11, 11) pixels in each cell."""
 
     @property
@@ -170,17 +172,17 @@ def align_candidates(
     coarse = (*lit_template(variant), shapes_of(variant))
     settings = (*lit_pattern(variant), extent_of(variant), focal, *coarse, *limits)
     theta, fits, figures = (np.empty((len(xy), width)) for width in (PARAMETERS, 4, 8))
-    sums, counts = np.empty((2, len(xy), CELLS**2))
+    sums, counts, pixels = np.empty((3, len(xy), CELLS**2))
 
     def align(cut: tuple[int, int]) -> None:
         own = slice(*cut)
-        columns = (theta[own], fits[own], figures[own], sums[own], counts[own])
+        columns = (theta[own], fits[own], figures[own], sums[own], counts[own], pixels[own])
         _align_each(gray, xy[own], sides_px[own], *settings, _KNOTS, *columns)
 
     map_parallel(align, bands(len(xy), 1 if thread_count() == 1 else len(xy)))
     rows = np.flatnonzero(figures[:, 0] > 0)
     noise, step, ratio, cut = fits[rows].T
-    cells = (sums[rows].reshape(-1, CELLS, CELLS), counts[rows].reshape(-1, CELLS, CELLS))
+    cells = (column[rows].reshape(-1, CELLS, CELLS) for column in (sums, counts, pixels))
     return Aligned(rows, xy[rows], sides_px[rows], theta[rows], noise, step, ratio, cut, figures[rows], *cells)
 
 
@@ -225,15 +227,15 @@ def measure_alignment(
     extent: float,
     knots: NDArray[np.float64],
     cut: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], ...]:
     """Return (8,) figures of an alignment, all 0 with fewer than 24 pixels, and (121,) sums and pixels of its cells.
 
     Pixels; sums of squares after a plane, after a plane and everything radial (tents of 0.08 sides around the knots),
     and after the pattern; the correlation of what is not radial; the least correlation of eight halves and quadrants;
     that of what is not radial in a quadrant; and the share of pixels that were compared: those whose residual exceeds
     twice a `cut` above 0 are left out, for something covers them. A cell, a ninth of the side, has the sum of its
-    residuals over gain; the outermost lie beyond the pattern.
+    residuals over gain; the outermost lie beyond the pattern. The pixels come twice: those that were compared, and all.
     """
-    figures, sums, counts = np.empty(8), np.empty(CELLS**2), np.empty(CELLS**2)
-    _measure_alignment(gray, theta, center, size, lines, index, base, extent, knots, cut, figures, sums, counts)
-    return figures, sums, counts
+    measured = (np.empty(8), *np.empty((3, CELLS**2)))
+    _measure_alignment(gray, theta, center, size, lines, index, base, extent, knots, cut, *measured)
+    return measured

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from peakmark.identification.alignment import Aligned
 from peakmark.identification.candidates import MarkerCandidates, candidate_pages
-from peakmark.identification.marker_evidence import COLUMNS, Column
+from peakmark.identification.marker_evidence import COLUMNS, COVER_COLUMNS, Column, cover_columns
 from peakmark.identification.sift_candidates import sift_candidate_pages, vlfeat_candidate_pages
 from peakmark.identification.sift_signature import SIFT_COLUMNS, sift_columns
 from peakmark.markers.optimum import Limit
@@ -56,10 +56,17 @@ DISC_SIDE_OF_SURF = 2.4
 0.59, measured on drawn discs (`tests/peakmark/identification/test_sift.py`)."""
 
 FAMILIES: Mapping[Made, Family] = {
-    # of markers that nothing covers the correlation is above 0.86; in any light the binary pattern's, the simpler one,
-    # is up to 0.055 above that of the other, where the other is printed
+    # of markers that nothing covers the correlation is above 0.86, of those covered by a third above 0.8; in any light
+    # the binary pattern's, the simpler one, is up to 0.08 above that of the other, where the other is printed, under
+    # motion up to 0.1
     "surf": Family(
-        candidate_pages, "general.json", COLUMNS, lambda *_: {}, 0.81, _by_size, {"energy": 0.06, "range": 0.01}
+        candidate_pages,
+        "general.json",
+        (*COLUMNS, *COVER_COLUMNS),
+        lambda gray, aligned, variants: cover_columns(aligned),
+        0.79,
+        _by_size,
+        {"energy": 0.1, "range": 0.01},
     ),
     "sift": Family(
         sift_candidate_pages,

@@ -37,6 +37,11 @@ sides' mean residuals. Of the cells' mean residuals, over gain: log of their mea
 block of 3 × 3 and of one; log of the part that has the pattern's symmetry, and of the rest; and the symmetric part's
 values in places of the pattern."""
 
+COVER_COLUMNS = ("sound", "mixed", "hidden_apart", "hidden_inside", "seen_contrast")
+"""Evidence of what may be covered: shares of cells that are seen, and in part; of cells that are hidden, shares beside
+the largest connected group, and in groups that do not reach the pattern's border, for what lies on a marker comes from
+outside and is in one piece; log of the contrast of what is seen, over gain."""
+
 _RIM = np.linspace(-0.525, 0.525, 12)
 
 
@@ -155,6 +160,33 @@ def _cell_columns(aligned: Aligned, sigma: float) -> dict[str, Column]:
         "outer_corner": regular[:, :2, :2].mean(axis=(1, 2)),
         "outer_edge": regular[:, 0, 3:6].mean(axis=1),
     }
+
+
+def cover_columns(aligned: Aligned) -> dict[str, Column]:
+    """Return the `COVER_COLUMNS` (n,) of alignments."""
+    seen = (aligned.counts / np.maximum(aligned.pixels, 1))[:, 1:-1, 1:-1]
+    seen = np.where(aligned.pixels[:, 1:-1, 1:-1] > 0, seen, 1.0)
+    shares = np.array([_hidden_shares(one < 0.5) for one in seen]).reshape(-1, 2)
+    count, total = aligned.figures[:, 0], aligned.figures[:, 1]
+    return {
+        "sound": (seen > 0.75).mean(axis=(1, 2)),
+        "mixed": ((seen > 0.25) & (seen < 0.75)).mean(axis=(1, 2)),
+        "hidden_apart": shares[:, 0],
+        "hidden_inside": shares[:, 1],
+        "seen_contrast": np.log(total / np.maximum(count, 1) / np.maximum(aligned.theta[:, 8], 1) ** 2 + 1e-4),
+    }
+
+
+def _hidden_shares(hidden: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return shares of the hidden cells (9, 9): not in the largest connected group, and in groups within the border."""
+    total = int(hidden.sum())
+    if total == 0:
+        return 0.0, 0.0
+    count, groups = cv2.connectedComponents(hidden.astype(np.uint8), connectivity=4)
+    sizes = np.bincount(np.ravel(groups), minlength=count)[1:]
+    at_border = np.unique(np.concatenate([groups[0], groups[-1], groups[:, 0], groups[:, -1]]))
+    reaching = sum(int(sizes[k - 1]) for k in at_border if k > 0)
+    return 1 - float(sizes.max()) / total, 1 - reaching / total
 
 
 def _rims_of(cells: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:

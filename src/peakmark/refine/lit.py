@@ -2,10 +2,12 @@
 
 The model is `refine.model`'s with what photographs add. *Tone*: a level l of the print shows as l^γ, for a camera's
 tone curve and a printer's together. *Light*: gain and offset vary over the marker as planes. *Motion*: blur is wider
-along one direction. *Clipping*: where model and image are both at white, nothing is compared. *Covers*: where much is
-left that noise does not explain, pixels that are far off count little (Geman & McClure), at first only those very far.
-Tone is fitted first; planes and motion after it, and kept only where the log likelihood gains 25, for planes from the
-start let blur explain a pattern away; a fit that cannot gain as much any more ends.
+along one direction. *Clipping*: where model and image are both at white, nothing is compared. Tone is fitted first;
+planes and motion after it, and kept only where the log likelihood gains 25, for planes from the start let blur
+explain a pattern away; a fit that cannot gain as much any more ends. *Covers*: where that leaves much that noise does
+not explain, or went astray, a second look takes the shape and the sectors around the centre in which pattern and
+softened image agree best, fits these alone, and then all, where pixels that are far off count little (Geman &
+McClure), at first only those very far.
 
 Parameters: the eleven of `refine.model`; the slopes of gain along x and y, and those of the offset; ln γ; and d, e of
 the blur's covariance ((b + d, e), (e, b − d)), px². Slopes are shares of the gain a side, measured from the anchor: its
@@ -127,7 +129,7 @@ class LitFit:
     ratio: float
     """Noise over gain², beyond the image's own, of the best fit to the softened image; inf where there was none."""
     cut: float
-    """Residuals of this many grey levels counted a quarter, for something covers the pattern; 0 where all count."""
+    """Residuals of this many grey levels counted a quarter, for something may cover the pattern; 0 where all count."""
 
 
 def align_in_light(

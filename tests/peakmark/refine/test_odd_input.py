@@ -50,9 +50,10 @@ def test_measures_of_any_parameters_come_back(seed: int) -> None:
     odd = rng.random(18) < 0.15
     theta[odd] = rng.choice(ODD, odd.sum())
     cut = float(rng.choice([0.0, 8.0]))
-    figures, sums, counts = measure_alignment(image, theta, np.array([30.0, 30.0]), 20.0, *pattern, 0.5, _KNOTS, cut)
+    place = (np.array([30.0, 30.0]), 20.0)
+    figures, sums, counts, inside = measure_alignment(image, theta, *place, *pattern, 0.5, _KNOTS, cut)
     assert (figures.shape, sums.shape) == ((8,), (121,))
-    assert ((counts >= 0) & (counts <= image.size)).all()
+    assert ((counts >= 0) & (counts <= inside) & (inside <= image.size)).all()
     height, width = image.shape
     pixels = chosen_pixels(image, theta, pattern[0], 0.5, 300)
     assert ((pixels >= 0) & (pixels < [width, height])).all()

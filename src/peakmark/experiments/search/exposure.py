@@ -25,7 +25,7 @@ class Exposure:
     ramp: float = 1.0
     """Most that light changes over the image's width, share of its mean; ten times as steep in one image of five."""
     motion_px: float = 8.0
-    """Longest path of a point during the exposure; of one image in five."""
+    """Longest path of a point during the exposure; of three images in ten."""
     defocus_px: float = 2.2
     """Most σ of the lens at one side of the image, where it is out of focus; of one image in four."""
 
@@ -103,7 +103,7 @@ def _through_lens(light: Levels, rng: np.random.Generator, limits: Exposure) -> 
         y, x = np.mgrid[: light.shape[0], : light.shape[1]] / light.shape[1]
         share = expit(6 * (_across(x, y, rng) - rng.uniform(-0.4, 0.4)))
         sharp = sharp * (1 - share) + soft * share
-    if rng.random() < 0.2 and limits.motion_px > 1:
+    if rng.random() < 0.3 and limits.motion_px > 1:
         sharp = moved(sharp, float(rng.uniform(1, limits.motion_px)), float(rng.uniform(0, 180)))
     return sharp
 

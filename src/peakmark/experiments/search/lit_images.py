@@ -27,7 +27,7 @@ WIDTH, HEIGHT = 640, 480
 _TEXELS = 198
 _SHEETS = ("marker", "array", "tag", "discs", "squares", "letter", "blob", "photograph")
 _SHARES = (0.5, 0.1, 0.12, 0.06, 0.06, 0.06, 0.04, 0.06)
-_COVERED, _BENT = 0.1, 0.12
+_COVERED, _BENT = 0.2, 0.12
 """Shares of sheets that something lies on, and of images on bent paper."""
 
 
@@ -173,14 +173,15 @@ def _array_sheet(rng: np.random.Generator, name: str, made_for: Made) -> tuple[N
 
 
 def _cover(rng: np.random.Generator, name: str, pose: Pose, photos: Mapping[str, NDArray[np.uint8]]) -> Quad:
-    """Return something that covers 5…55 % of the width of the sheet's pattern, from one side."""
-    width, angle = rng.uniform(0.8, 1.6), rng.uniform(0, 2 * np.pi)
-    away = 0.5 + width / 2 - rng.uniform(0.05, 0.55)
+    """Return a thing that covers 5…55 % of the width of the sheet's pattern from one side, or a strip across it."""
+    is_strip, angle = rng.random() < 0.3, rng.uniform(0, 2 * np.pi)
+    width = rng.uniform(0.08, 0.4) if is_strip else rng.uniform(0.8, 1.6)
+    away = rng.uniform(-0.5, 0.5) if is_strip else 0.5 + width / 2 - rng.uniform(0.05, 0.55)
     above = pose @ compose(rotation_about("z", np.degrees(angle)), [0.0, 0.0, 0.05 * SIDE_M])
     above[:3, 3] += pose[:3, :3] @ np.array([np.cos(angle), np.sin(angle), 0.0]) * away * SIDE_M
     texels = cv2.resize(random_ground(rng, photos), (48, 48), interpolation=cv2.INTER_AREA)
     texels = texels if rng.random() < 0.5 else np.full_like(texels, rng.integers(256))
-    return Quad(name, Texture.from_array(np.asarray(texels)), (width * SIDE_M, 1.6 * SIDE_M), above)
+    return Quad(name, Texture.from_array(np.asarray(texels)), (width * SIDE_M, rng.uniform(1.2, 2.4) * SIDE_M), above)
 
 
 def draw_decoy(rng: np.random.Generator, kind: str, least_rings: int = 1) -> NDArray[np.uint8]:

@@ -31,14 +31,25 @@ DISTURBANCES: dict[str, tuple[float, ...]] = {
     "sharpening": (1, 2),
     "overexposure": (1.5, 2, 3),
     "motion_px": (2, 4, 6),
-    "side_px": (12, 15, 20, 34, 60, 120, 200, 400),
+    "covered": (0.05, 0.1, 0.2, 0.3, 0.4, 0.5),
+    "side_px": (12, 14, 15, 20, 34, 60, 120, 200, 400),
     "tilt_deg": (15, 30, 45, 60, 70, 75),
+    "clean_side_px": (12, 15, 20, 34, 60, 120, 200, 400),
+    "image_width_px": (640, 1280, 2000, 4000),
 }
 """What is swept: σ in grey levels; the share of light that a ramp loses over a side, or a shadow's edge takes; the
-exponent between print and image; amount of an unsharp mask of σ 1; factor of the light, clipped; path of the camera."""
+exponent between print and image; amount of an unsharp mask of σ 1; factor of the light, clipped; path of the camera;
+the share of the marker's area that one grey thing covers from a random side; the sides of markers without noise whose
+centres lie on pixels, between them along one axis, and along both; and widths of images with markers of any side from
+15 px to 400 and any tilt to 60°."""
 
 TILTED = (0.0, 45.0)
-"""Tilts of all sweeps but those of size and tilt."""
+"""Tilts of all sweeps but those that have their own."""
+
+_OWN_TILTS = ("tilt_deg", "side_px", "image_width_px")
+
+_PHASES = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
+"""Of centres between pixels."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +81,7 @@ class SweepConfig:
 def cells() -> Iterator[tuple[str, float, float]]:
     """Yield name and value of a disturbance, and the tilt, of each cell."""
     for name, values in DISTURBANCES.items():
-        for tilt_deg in TILTED if name not in ("tilt_deg", "side_px") else (0.0,):
+        for tilt_deg in TILTED if name not in _OWN_TILTS else (0.0,):
             yield from ((name, value, tilt_deg) for value in values)
 
 
@@ -97,23 +108,39 @@ def disturbed(levels: Levels, name: str, value: float, center: Levels, rng: np.r
     if name == "motion_px":
         shown = cv2.blur(cv2.resize(shown, None, fx=4, fy=1), (round(4 * value), 1))
         shown = cv2.resize(shown, levels.shape[::-1], interpolation=cv2.INTER_AREA)
+    if name == "covered":
+        shown = _covered(shown, value, center, rng)
     image = 40 + 170 * np.asarray(shown)
     if name == "overexposure":
         image = np.minimum(value * image, 255)
     if name == "sharpening":
         image = image + value * (image - np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0)))
-    sigma = value if name == "noise_sigma" else 1.0
+    sigma = {"noise_sigma": value, "clean_side_px": 0.0}.get(name, 1.0)
     return np.clip(np.rint(image + rng.normal(0, sigma, image.shape)), 0, 255).astype(np.uint8)
+
+
+def _covered(levels: Levels, share: float, center: Levels, rng: np.random.Generator) -> Levels:
+    """Return levels (H, W) behind a straight edge that leaves 1 − share of a disc with the marker's area."""
+    y, x = np.mgrid[: levels.shape[0], : levels.shape[1]] - center[::-1, None, None]
+    angle = rng.uniform(0, 2 * np.pi)
+    along = x * np.cos(angle) + y * np.sin(angle)
+    edge = np.quantile(along[np.hypot(x, y) < SIDE_PX / np.sqrt(np.pi)], 1 - share)
+    return np.asarray(np.where(along > edge, rng.uniform(0, 1), levels))
 
 
 def found_in(config: SweepConfig, name: str, value: float, tilt_deg: float, cell: int, number: int) -> bool:
     """Return whether one marker of a cell is found, within a twentieth of its side, as what it is."""
     rng = np.random.default_rng((config.seed, cell, number))
-    side_px = value if name == "side_px" else SIDE_PX
+    side_px = value if name in ("side_px", "clean_side_px") else SIDE_PX
     tilt_deg = value if name == "tilt_deg" else tilt_deg
     height = max(240, round(1.8 * side_px))
+    phase = np.array(_PHASES[number // 2 % 4]) if name == "clean_side_px" else rng.uniform(-0.5, 0.5, 2)
+    if name == "image_width_px":
+        height = round(value * 3 / 4)
+        side_px, tilt_deg = float(np.exp(rng.uniform(np.log(15), np.log(400)))), float(rng.uniform(0, 60))
+        side_px = min(side_px, height / 2.2)
     shape = (height, height * 4 // 3)
-    center = np.array(shape[::-1]) / 2 + rng.uniform(-0.5, 0.5, 2)
+    center = np.array(shape[::-1]) // 2 + phase
     variant = config.variants[number % 2]
     levels = draw_marker(center, side_px, tilt_deg, rng.uniform(0, 360), variant, shape)
     found = detect_markers(disturbed(levels, name, value, center, rng), config.variants, (config.detector,))

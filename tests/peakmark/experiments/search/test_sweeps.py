@@ -37,6 +37,10 @@ def test_disturbances_are_what_they_are_called() -> None:
     assert image_of("overexposure", 3).max() == 255
     assert image_of("gamma", 2.2).mean() < plain.mean() < image_of("gamma", 0.45).mean()
     assert image_of("sharpening", 2).std() > plain.std() > image_of("motion_px", 6).std()
+    assert (image_of("clean_side_px", 34) - plain).std() == pytest.approx(1, rel=0.1)
+    hidden = np.abs(image_of("covered", 0.3) - plain) > 6
+    y, x = np.mgrid[:240, :320]
+    assert hidden[np.hypot(x - CENTER[0], y - CENTER[1]) < 19.2].mean() == pytest.approx(0.3, abs=0.06)
 
 
 def test_cells_are_listed_once_and_seeded_by_number() -> None:
@@ -44,6 +48,11 @@ def test_cells_are_listed_once_and_seeded_by_number() -> None:
     assert len(set(listed)) == len(listed)
     config = SweepConfig(markers=2)
     assert [found_in(config, "noise_sigma", 2.0, 0.0, 0, k) for k in range(2)] == [True, True]
+
+
+def test_markers_that_are_covered_in_part_are_found() -> None:
+    config = SweepConfig(markers=4, seed=5)
+    assert sum(found_in(config, "covered", 0.3, 0.0, 0, k) for k in range(4)) >= 3
 
 
 def test_numbers_out_of_range_are_named() -> None:

@@ -50,11 +50,11 @@ def test_calibration_finds_the_odds_that_made_the_labels() -> None:
 
 
 def test_the_threshold_counts_images_without_markers_not_alignments() -> None:
-    config = SearchTrainingConfig(images=1, empty=20)
-    images = np.array([0, 0, *range(1, 21), 5, 5])
-    likely = np.array([0.99, 0.98, *np.linspace(0.01, 0.2, 20), 0.9, 0.8])
-    threshold = training.choose_threshold(likely, np.array([True, *[False] * 23]), images, config)
-    assert threshold == pytest.approx(0.2)  # of twenty images one, the fifth, may hold more
+    config = SearchTrainingConfig(images=1, empty=25)
+    images = np.array([0, 0, *range(1, 26), 5, 5])
+    likely = np.array([0.99, 0.98, *np.linspace(0.01, 0.25, 25), 0.9, 0.8])
+    threshold = training.choose_threshold(likely, np.array([True, *[False] * 28]), images, config)
+    assert threshold == pytest.approx(0.25)  # of twenty-five images one, the fifth, may hold more
 
 
 def test_reliability_counts_each_alignment_once() -> None:
