@@ -146,3 +146,21 @@ def test_certain_poses_of_one_array_are_never_the_mirrored_one() -> None:
             certain += 1
             assert pose_distance(found.fit.world_from_camera, truth)[1] < 1.5
     assert certain >= 20
+
+
+def test_round_markers_need_no_rotation_and_no_true_size() -> None:
+    truth = facing_wall(1.0, 35, 40, 25)
+    (array,) = seen(printed_array(5), truth)
+    turned = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in (0.4, 1.1, 2.0)]
+    shapes = [
+        1.07 * d.affinity @ turn for d, turn in zip(array.detections, turned, strict=True) if d.affinity is not None
+    ]
+    round_ones = tuple(
+        replace(d, affinity=shape, made_for="sift") for d, shape in zip(array.detections, shapes, strict=True)
+    )
+    found = pose_from_arrays(CAMERA, [replace(array, detections=round_ones)], {5: place((0.0, 0.0))})
+    assert found is not None
+    poses = [found.fit, *([found.rival] if found.rival else [])]
+    position, angle = min(pose_distance(pose.world_from_camera, truth) for pose in poses)
+    assert position < 0.05
+    assert angle < 3
