@@ -98,8 +98,16 @@ def compare_kinds(
         write_json(folder / "result.json", {"config": asdict(config), "kinds": rows})
     for row in rows:
         title = f"{row['detector']}, {row['limit']}"
-        print_table(console, title, FIGURES, [(key, value) for key, value in row.items() if key not in title])
+        print_table(console, title, FIGURES, [(key, _shown(value)) for key, value in row.items() if key not in _TITLE])
     print_path(console, out / "result.json", "Result")
+
+
+_TITLE = ("detector", "limit")
+
+
+def _shown(value: Any) -> Any:
+    """Return an interval as words, everything else as it is."""
+    return f"{value[0]:.4f}…{value[1]:.4f}" if isinstance(value, list) else value
 
 
 def _named(row: dict[str, Any]) -> str:

@@ -6,9 +6,10 @@ interpolation then steps to and fro and gives up; and it has no sign. An octave 
 of twice the size.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from itertools import pairwise
+from typing import Any
 
 import cv2
 import numpy as np
@@ -42,6 +43,9 @@ _SMALLER = 4
 
 _NOISE_OF_DOG = 0.0817
 """Deviation of the DoG of noise of σ 1, times the scale: √((1 + k⁻² − 4 / (1 + k²)) / 4π), k = 2^⅓."""
+
+_AROUND = np.ones((3, 3), np.uint8)
+"""A point and its eight neighbours."""
 
 _BOX = 6.0
 """Side of the box whose variance is compared, σ."""
@@ -88,18 +92,24 @@ def _blurred(base: NDArray[np.float32], own_sigma: float, sigma: float) -> NDArr
     return np.asarray(cv2.GaussianBlur(base, (0, 0), np.sqrt(max(sigma**2 - own_sigma**2, 1e-3))), dtype=np.float32)
 
 
+def _around(spread: Callable[..., Any], dog: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(spread(dog, _AROUND), dtype=np.float32)
+
+
 def _extremes(blurs: list[NDArray[np.float32]], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, 4) of one octave; σ by a parabola over three scales."""
     dogs = [larger - smaller for smaller, larger in pairwise(blurs)]
-    found = []
-    for sign in (1.0, -1.0):
-        signed = [sign * dog for dog in dogs]
-        peaks = map_parallel(lambda dog: np.asarray(cv2.dilate(dog, np.ones((3, 3), np.uint8))), signed)
+    found = [np.empty((0, 4))]
+    for sign, spread in ((1.0, cv2.dilate), (-1.0, cv2.erode)):
+        peaks = map_parallel(partial(_around, spread), dogs)
         for k in range(1, len(dogs) - 1):
-            below, here, above = signed[k - 1 : k + 2]
-            is_peak = (here >= peaks[k]) & (here > LEAST_RESPONSE) & (here >= peaks[k - 1]) & (here >= peaks[k + 1])
-            y, x = np.nonzero(is_peak)
-            less, most, more = (np.asarray(dog[y, x], dtype=np.float64) for dog in (below, here, above))
+            here = dogs[k].ravel()
+            at = np.flatnonzero(here > LEAST_RESPONSE if sign > 0 else here < -LEAST_RESPONSE)
+            for near in peaks[k - 1 : k + 2]:
+                level = near.ravel()[at]
+                at = at[here[at] >= level if sign > 0 else here[at] <= level]
+            y, x = np.divmod(at, dogs[k].shape[1])
+            less, most, more = (sign * dog[y, x].astype(np.float64) for dog in dogs[k - 1 : k + 2])
             step = np.clip((less - more) / np.minimum(2 * (less - 2 * most + more), -1e-9), -0.5, 0.5)
             found.append(np.column_stack([x, y, sigmas[k] * 2 ** (step / _LAYERS), sign * most]))
     return np.concatenate(found)
