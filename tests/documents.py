@@ -59,6 +59,8 @@ SLOW_PAGES = (
     "docs/how-to/print-markers.md",
     "docs/how-to/use-sift-from-colmap.md",
     "docs/how-to/write-a-scene.md",
+    "docs/index.md",
+    "docs/start/install.md",
     "docs/start/without-a-printer.md",
 )
 """Pages of which `make test-all` runs everything."""
