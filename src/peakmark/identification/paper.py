@@ -16,7 +16,7 @@ SIGNATURE_LIMIT = 0.45
 
 VIS_LIMIT = 0.4
 """The same for both polarities at once, of the version-independent signature: light markers on white paper are 0.24 off
-the reference already, see `signature.reference_descriptor`. Chosen by hand, on the training rooms."""
+the reference already, see `signature.reference_descriptor`. Chosen by hand, on the CAVE that ships."""
 
 SMALLEST_DROP = 1.3
 """Response ratio between features of neighbouring rank that counts as the drop from markers to clutter."""

@@ -22,7 +22,7 @@ LOW_CONTRAST = 0.01
 
 SIGNATURE_LIMIT, SHARED_LIMIT = 0.45, 0.25
 """Distances up to which a feature can be a marker, from the signature and from what both polarities share of it: the
-dark square around a light marker on white paper is 0.3 off. Chosen by hand."""
+dark square around a light marker on white paper is 0.3 off. Chosen by hand, the latter on the CAVE that ships."""
 
 
 def detect_sift(gray: NDArray[np.uint8], stretch: Stretch, threshold: float = LOW_CONTRAST) -> Keypoints:
