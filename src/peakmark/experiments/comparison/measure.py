@@ -21,12 +21,9 @@ from peakmark.maps.locate import locate
 from peakmark.maps.marker_map import MappedArray, MarkerMap
 from peakmark.markers.array_code import polarities_of
 
-LIKE = {
-    "marker": ("array", "binary marker"),
-    "binary marker": ("array", "marker"),
-    "array": ("marker", "binary marker"),
-}
-"""Designs that are made of the same markers: what is seen on them is not counted against a reader of another."""
+LIKE = {"marker": ("array", "binary marker"), "binary marker": ("array", "marker")}
+"""Designs that are made of the same markers: a marker that is seen there is not counted against its reader. A code
+that is read where no array hangs is."""
 
 CHI2_95 = 12.591587243743977
 """Of six degrees of freedom, 95 %."""

@@ -29,6 +29,7 @@ def truth(design: str, code: int = 1, is_whole: bool = True) -> TruePrint:
         ("AprilTag-C", Seen(1, AT), [], 1),
         ("identify", Seen(0, AT), [truth("array")], 0),
         ("identify", Seen(0, AT), [truth("marker")], 1),
+        ("decode_arrays", Seen(4, AT), [truth("marker")], 1),
         ("chess-corners", Seen(None, AT), [truth("ring")], 0),
         ("chess-corners", Seen(None, AT), [], 1),
     ],
