@@ -3,14 +3,17 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from peaksim.camera.camera import Camera
 from peaksim.camera.shutter import PosedCamera
 from peaksim.geometry.pose import Pose
+from peaksim.image_file import to_8_bits
 
 TEXTURE_ERROR_RMS = {"exact": 0.5, "gl": 0.5}
 """Error budget of each renderer: rms against the area integral, grey levels; see `benchmarks/fidelity_render.py`."""
@@ -102,6 +105,12 @@ class Frame:
     """The one projection of image and truth: `posed_camera.project(points_m)` maps world points to px."""
     preview: "Callable[[float], NDArray[np.float32]]"
     """Draws the linear levels of a small sharp image at a time on the trajectory, by which a camera meters light."""
+
+    def _repr_png_(self) -> bytes:
+        """Return the image as the PNG that notebooks show."""
+        buffer = BytesIO()
+        Image.fromarray(to_8_bits(self.image)).save(buffer, "PNG")
+        return buffer.getvalue()
 
     @cached_property
     def _surfaces(self) -> "Surfaces":

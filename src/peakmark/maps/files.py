@@ -119,7 +119,12 @@ def _sheet_map(values: dict[str, Any], scale_bar_mm: float | None) -> MarkerMap:
     centers = np.column_stack([(xy_mm - page_mm / 2) * _RIGHT_DOWN / 1000, np.zeros(len(markers))])
     axes = np.broadcast_to(np.array([[1.0, 0.0], [0.0, -1.0], [0.0, 0.0]]), (len(markers), 3, 2))
     printed = MarkerMap(centers, axes, sides, polarities, arrays, layout, pages)
-    return printed if scale_bar_mm is None else printed.scaled(scale_bar_mm / stated)
+    if scale_bar_mm is None:
+        return printed
+    if not stated / 2 <= scale_bar_mm <= 2 * stated:
+        expected = f"what the sheet's bar of {stated:g} mm measures, {stated / 2:g}…{2 * stated:g} mm"
+        raise InputError(f"--scale-bar-mm {scale_bar_mm:g}: expected {expected}")
+    return printed.scaled(scale_bar_mm / stated)
 
 
 def board_arrays(polarities: Sequence[Polarity], layout: Layout) -> tuple[MappedArray, ...]:

@@ -25,3 +25,4 @@ def test_a_notebook_gets_a_png_of_what_was_found(tmp_path: Path) -> None:
 def test_a_frame_is_shown_as_it_is() -> None:
     frame = render(Scene(()), Camera(32, 24, 30.0), np.eye(4), renderer="exact")
     assert np.array_equal(overlay(frame).pixels, np.dstack([frame.image] * 3))
+    assert np.array_equal(np.asarray(Image.open(BytesIO(frame._repr_png_()))), frame.image)
