@@ -21,7 +21,7 @@ class Found:
     """The markers of one image, and the arrays that they form."""
 
     markers: tuple[Detection, ...]
-    """Strongest first."""
+    """Strongest first; then those that were found only where a marker of an array had to be."""
     arrays: tuple[MarkerArray, ...]
     """Those with a code first, by code."""
     image_size: tuple[int, int]
@@ -60,4 +60,7 @@ def find(
 def found_in(image: ArrayLike, markers: Iterable[Detection], layout: Layout = THREE_BIT) -> Found:
     """Return detections with the arrays that they form in their image."""
     gray, kept = as_gray(image), tuple(markers)
-    return Found(kept, decode_arrays(kept, layout, image=gray), (gray.shape[1], gray.shape[0]))
+    arrays = decode_arrays(kept, layout, image=gray)
+    known = {id(marker) for marker in kept}
+    looked_for = [marker for array in arrays for marker in array.detections if id(marker) not in known]
+    return Found((*kept, *looked_for), arrays, (gray.shape[1], gray.shape[0]))

@@ -39,6 +39,9 @@ from peakmark.markers.patterns import Polarity
 _GATES = (0.6, 0.25)
 """Distances, in sides, up to which seen and expected markers are paired, one after the other."""
 
+_SAME_SIDE = 1.5
+"""Ratio of a seen and an expected side up to which markers are paired: a guess is not that far off in distance."""
+
 _WORST = 6.0
 """Error of a centre, in its σ and in the median of all, beyond which a marker is left out."""
 
@@ -317,11 +320,12 @@ def _misfit(seen: Seen, marker_of: NDArray[np.intp], fit: PoseFit) -> int | None
 
 
 def _paired(seen: Seen, camera: Camera, piece: MarkerMap, pose: Pose, gate: float) -> NDArray[np.intp]:
-    """Return (n,) indices of the mutually nearest markers of the map that face the camera, within `gate` sides."""
+    """Return (n,) indices of the mutually nearest markers of the map, within `gate` sides, that look as large."""
     expected, shapes = expected_shapes(camera, pose, piece.centers_m, piece.tangents_m)
-    facing = np.linalg.det(np.nan_to_num(shapes)) > 0  # from behind, the axes are seen mirrored
+    areas = np.linalg.det(np.nan_to_num(shapes))  # negative from behind, where the axes are seen mirrored
     gaps = np.linalg.norm(seen.xy[:, None] - expected[None], axis=2) / seen.sides_px[:, None]
-    gaps[:, ~facing] = np.inf
+    ratios = seen.sides_px[:, None] / np.sqrt(np.maximum(areas, 1e-12))
+    gaps[np.maximum(ratios, 1 / ratios) > _SAME_SIDE] = np.inf
     gaps[seen.signs[:, None] * signs_of(piece.polarities) < 0] = np.inf
     gaps = np.nan_to_num(gaps, nan=np.inf)
     nearest, rows = gaps.argmin(axis=1), np.arange(len(seen.xy))

@@ -9,6 +9,7 @@ from weakref import WeakSet
 
 import numpy as np
 import pytest
+from peaksim import load_scene, render
 from pyarrow import parquet
 
 from peakmark.errors import InputError
@@ -51,6 +52,18 @@ def test_an_array_stands_before_its_markers_and_its_corners_hold_them() -> None:
     for row in rows[1:]:
         along = np.array([row.x, row.y]) - box
         assert (edges[:, 0] * along[:, 1] - edges[:, 1] * along[:, 0] > 0).all()  # on the right of every edge
+
+
+def test_a_marker_that_only_an_array_asked_for_is_among_the_markers() -> None:
+    scene, camera, trajectory = load_scene("cave")
+    image = render(scene, camera, trajectory.at(0.0)).image
+    complete = find(image)
+    member = complete.arrays[0].detections[0]
+    found = found_in(image, [marker for marker in complete.markers if marker is not member])
+    assert [array.code for array in found.arrays] == [array.code for array in complete.arrays]
+    assert found.markers[-1].xy == pytest.approx(member.xy, abs=0.05)
+    known = {id(marker) for marker in found.markers}
+    assert all(id(marker) in known for array in found.arrays for marker in array.detections)
 
 
 def restored(path: Path) -> list[FoundRow]:

@@ -1,5 +1,6 @@
 """`locate`: the camera on maps of arrays, of single markers and of several sheets; or in words why not."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,16 @@ def test_markers_that_are_not_on_the_map_or_elsewhere_are_left_out(sheet: Marker
     assert_near(where, pose, 0.5, 0.05)
     assert where.marker_of[-2:].tolist() == [-1, -1]
     assert (where.marker_of[:-2] >= 0).all()
+
+
+def test_a_marker_of_another_size_is_not_the_one_that_is_expected_there(sheet: MarkerMap) -> None:
+    pose = pose_over(0.5, 30, 0, 0)
+    seen = detections(sheet, CAMERA, pose)
+    last = seen[-1]
+    assert last.affinity is not None
+    where = located([*seen[:-1], replace(last, affinity=2.5 * last.affinity, size=2.5 * last.size)], sheet)
+    assert where.marker_of.tolist() == [*range(len(seen) - 1), -1]
+    assert_near(where, pose, 1e-3, 1e-4)
 
 
 def test_the_sheet_that_is_seen_is_told(tmp_path: Path) -> None:
