@@ -225,7 +225,7 @@ class _Summary:
         self.empty += not identified.rows
         if each.frame is None:
             self._print(f"{one_line(each.file)}: {_words(identified)}")
-            for line in _pose_words(identified):
+            for line in _pose_words(identified, self.locator is not None and self.locator.calibration is None):
                 self._print(f"  {line}")
         if self.is_alone and identified.rows:
             self.console.print(_table(identified.rows))
@@ -255,17 +255,18 @@ class _Summary:
         self.console.print(line, soft_wrap=True, highlight=False)
 
 
-def _pose_words(identified: Identified) -> list[str]:
-    """Return where the camera was, in lines; none where nobody asked."""
+def _pose_words(identified: Identified, is_guessed: bool) -> list[str]:
+    """Return where the camera was, in lines; none where nobody asked. σ does not hold what a guessed camera is off."""
     pose = identified.pose
     if pose is None:
         return [f"no pose: {identified.pose_reason}"] if identified.pose_reason else []
     x, y, z = pose.world_from_camera[:3, 3]
     sigma_mm = 1000 * float(np.linalg.norm(pose.position_sigma_m))
     on_page = "" if pose.page is None else f" over page {pose.page}"
+    condition = " for that focal length" if is_guessed else ""
     line = (
-        f"camera at ({x:.4f}, {y:.4f}, {z:.4f}) m{on_page}, ±{sigma_mm:.2g} mm, ±{pose.rotation_sigma_deg:.2g}°; "
-        f"{pose.markers} markers fit to {pose.rms_px:.2f} px"
+        f"camera at ({x:.4f}, {y:.4f}, {z:.4f}) m{on_page}, ±{sigma_mm:.2g} mm, ±{pose.rotation_sigma_deg:.2g}°"
+        f"{condition}; {pose.markers} markers fit to {pose.rms_px:.2f} px"
     )
     if pose.is_certain or pose.other is None:
         return [line]

@@ -85,11 +85,13 @@ def test_one_photograph_says_where_the_camera_was(identify: Run) -> None:
     x, y, z = (float(word.strip("(),")) for word in done.stdout.split("camera at ")[1].split()[:3])
     assert np.linalg.norm(np.array([x, y, z]) - POSES[0][:3, 3]) < 0.002
     assert "3 markers fit to 0.0" in done.stdout
+    assert "focal length" not in done.stdout
 
 
 def test_without_a_calibration_the_guess_is_said(identify: Run) -> None:
     done = identify("photo0.jpg", "--map", "sheet")
     assert "note: no --calibration: taking the focal length in its EXIF, 26 mm on 35 mm film" in done.stdout
+    assert "° for that focal length; 3 markers" in done.stdout
     assert "camera at (" in done.stdout
 
 
