@@ -24,9 +24,11 @@ from peakmark.errors import InputError, check_choice, one_line
 from peakmark.experiments.journal import Journal
 from peakmark.found.rows import FoundRow
 from peakmark.found.tables import write_rows, writer_of
+from peakmark.identification.families import SOURCES
 from peakmark.maps.files import load_map
+from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
-from peakmark.plain import from_plain
+from peakmark.plain import from_plain, to_plain
 from peakmark.recording.recorder import check_recording
 
 _MOST_SHOWN = 40
@@ -36,6 +38,7 @@ _MOST_SHOWN = 40
 @examples(
     "peakmark identify photo.jpg --calibration cam.yaml --map sheet/result.json",
     "peakmark identify 'photos/*.jpg' film.mp4 --out out/found.csv --overlay out/drawn",
+    "peakmark identify poster.jpg --detector surf,sift",
 )
 def identify(
     sources: Annotated[
@@ -70,6 +73,12 @@ def identify(
         bool, Option("--scale-calibration", help="The images are smaller or larger copies of the calibrated ones.")
     ] = False,
     polarity: Annotated[str, Option(help="dark, light or both.")] = "both",
+    detector: Annotated[
+        str, Option(help="Whose markers were printed: surf, sift, surf-disc, vlfeat; several as surf,sift.")
+    ] = "surf",
+    limit: Annotated[
+        str | None, Option(help="energy, range (what `marker --limit range` prints) or both. [default: energy]")
+    ] = None,
     camera: Annotated[int | None, Option(help="Take a camera's images instead of files, by its number.")] = None,
     frames: Annotated[int | None, Option(help="So many images of --camera. [default: until Ctrl-C]")] = None,
     raw_orientation: Annotated[
@@ -81,12 +90,12 @@ def identify(
     """Find markers and arrays in images, folders, films, bags, or a camera's images.
 
     Prints what is in each image, and why an image has nothing; with --map also where the camera was. A file of rows has
-    one row an array or marker: file, frame, kind, code, polarity, x, y, side_px, probability, sigma_px and four corners
-    (px, pixel centres at integers). Files that cannot be read are named and left out; the exit status is then 1. An
-    interrupted run with --out or --poses resumes.
+    one row an array or marker: file, frame, kind, code, polarity, x, y, side_px, probability, sigma_px, four corners
+    (px, pixel centres at integers) and pattern, such as surf-dark or sift-range-light. Files that cannot be read are
+    named and left out; the exit status is then 1. An interrupted run with --out or --poses resumes.
     """
     console = new_console(quiet)
-    check_choice(polarity, (*get_args(Polarity), "both"), "--polarity")
+    sought = _sought(polarity, detector, limit)
     for path, check in ((out, writer_of), (poses, check_ending), (record, check_recording)):
         if path is not None:
             check(path)
@@ -101,7 +110,7 @@ def identify(
     read = None if locator is None or raw_orientation else locator.read
     is_upright = not raw_orientation and calibration is None
     images = read_sources(named, is_upright, fail, read) if camera is None else read_camera(camera, frames)
-    settings = {"sources": named, "polarity": polarity, "raw_orientation": raw_orientation}
+    settings = {"sources": named, **to_plain(sought), "raw_orientation": raw_orientation}
     settings |= {"calibration": calibration, "map": map, "scale_bar_mm": scale_bar_mm, "scaled": scale_calibration}
     target = out if out is not None else poses
     journal = None if target is None else _journal(target, settings, is_resumed=camera is None)
@@ -111,7 +120,7 @@ def identify(
     ended = resumable(how) if camera is None else suppress(KeyboardInterrupt)  # which is how a camera's run ends
     skip = None if len(named) == 1 and total is not None else fail
     with recording_into(record, locator) as add, ended, progress_bar(console, "identify", total) as bar:
-        for each, identified in identify_images(images, cast(Sought, polarity), journal, overlay, locator, skip):
+        for each, identified in identify_images(images, sought, journal, overlay, locator, skip):
             summary.add(each, identified)
             add(each, identified)
             bar.advance()
@@ -124,6 +133,18 @@ def identify(
             print_path(console, written, what)
     if failures:
         raise Exit(1)
+
+
+def _sought(polarity: str, detector: str, limit: str | None) -> Sought:
+    check_choice(polarity, (*get_args(Polarity), "both"), "--polarity")
+    detectors = tuple(name.strip() for name in detector.split(","))
+    for name in detectors:
+        check_choice(name, tuple(SOURCES), "--detector")
+    if limit is not None:
+        check_choice(limit, (*get_args(Limit), "both"), "--limit")
+    if limit == "energy" and "surf-disc" in detectors:
+        raise InputError("--limit: expected range or both with --detector surf-disc, got energy")
+    return Sought(cast(Any, polarity), detectors, cast(Any, limit))
 
 
 def _locator(

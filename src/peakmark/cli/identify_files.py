@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,21 +19,37 @@ from peakmark.experiments.journal import Journal
 from peakmark.found.absence import why_nothing
 from peakmark.found.found import find
 from peakmark.found.rows import FoundRow, undistorted
+from peakmark.identification.api import usual_limit
+from peakmark.identification.families import SOURCES
 from peakmark.keypoints.image import as_gray
 from peakmark.maps.locate import location_or_reason
 from peakmark.markers.array_code import THREE_BIT
+from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
 from peakmark.plain import from_plain, to_plain
 from peakmark.recording.bag import split_topic
 from peakmark.report.film import film
 from peakmark.report.overlay import draw_found
 
-Sought = Polarity | Literal["both"]
-
 OVERLAY, FILM = ".overlay.jpg", ".overlay.mp4"
 """Name endings of drawings, see `sources.OVERLAYS`, and of films of them."""
 
 _FILM_WIDTH_PX, _JPEG_QUALITY = 1280, 90
+
+
+@dataclass(frozen=True)
+class Sought:
+    """For which markers to look, see `peakmark.identify`."""
+
+    polarity: Polarity | Literal["both"]
+    detectors: tuple[str, ...] = ("surf",)
+    limit: Limit | Literal["both"] | None = None
+
+    def why_nothing(self, image: NDArray[Any]) -> str:
+        """Return why none of the first detector's were found."""
+        name = self.detectors[0]
+        limit = self.limit if self.limit in get_args(Limit) else usual_limit((name,))
+        return why_nothing(as_gray(image), SOURCES[name][0], cast(Limit, limit))
 
 
 @dataclass(frozen=True)
@@ -62,7 +78,7 @@ class Identified:
 
 def identify_images(
     images: Iterable[SourceImage],
-    polarity: Sought,
+    sought: Sought,
     journal: Journal | None = None,
     overlays: Path | None = None,
     locator: Locator | None = None,
@@ -77,7 +93,7 @@ def identify_images(
     Raises
     ------
     InputError
-        If the polarity is unknown, or a drawing cannot be written.
+        If the polarity, a detector or the limit is unknown, or a drawing cannot be written.
     """
     with Drawings.into(overlays) as drawings:
         for each in images:
@@ -86,7 +102,7 @@ def identify_images(
                 identified = from_plain(Identified, journal.records[key])
             else:
                 try:
-                    identified = _identified(each, polarity, locator)
+                    identified = _identified(each, sought, locator)
                 except ImageError as error:
                     if on_failure is None:
                         raise
@@ -98,12 +114,13 @@ def identify_images(
             yield each, identified
 
 
-def _identified(each: SourceImage, polarity: Sought, locator: Locator | None) -> Identified:
+def _identified(each: SourceImage, sought: Sought, locator: Locator | None) -> Identified:
     camera = None if locator is None else locator.camera_of(each)
     marker_map = None if locator is None else locator.marker_map
-    found = find(each.image, polarity, THREE_BIT if marker_map is None else marker_map.layout)
+    layout = THREE_BIT if marker_map is None else marker_map.layout
+    found = find(each.image, sought.polarity, layout, sought.detectors, sought.limit)
     rows = found.rows(each.file, each.frame)
-    reason = "" if rows or each.frame is not None else why_nothing(as_gray(each.image))
+    reason = "" if rows or each.frame is not None else sought.why_nothing(each.image)
     if locator is None or camera is None:
         return Identified(rows, reason)
     if locator.calibration is not None:

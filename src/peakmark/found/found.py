@@ -13,6 +13,7 @@ from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
 from peakmark.keypoints.image import as_gray
 from peakmark.markers.array_code import THREE_BIT, Layout
+from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
 
 
@@ -42,19 +43,20 @@ def find(
     polarity: Polarity | Literal["both"] = "both",
     layout: Layout = THREE_BIT,
     detector: str | Sequence[str] = "surf",
+    limit: Limit | Literal["both"] | None = None,
 ) -> Found:
     """Return the markers of an image and the arrays among them: `identify`, then `decode_arrays`.
 
     `image` is grey or RGB, see `as_gray`; a single polarity forms no arrays but those of that polarity alone. `layout`
-    is that of the printed arrays. `detector` says for whose markers to look, see `identify`.
+    is that of the printed arrays. `detector` and `limit` say for which markers to look, see `identify`.
 
     Raises
     ------
     InputError
-        If the polarity or the detector is unknown, or the image is none.
+        If the polarity, the detector or the limit is unknown, or the image is none.
     """
     gray = as_gray(image)
-    return found_in(gray, identify(gray, polarity=polarity, detector=detector), layout)
+    return found_in(gray, identify(gray, polarity=polarity, detector=detector, limit=limit), layout)
 
 
 def found_in(image: ArrayLike, markers: Iterable[Detection], layout: Layout = THREE_BIT) -> Found:

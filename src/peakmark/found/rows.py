@@ -46,6 +46,8 @@ class FoundRow:
     x_undistorted: float | None = None
     y_undistorted: float | None = None
     """Where a pinhole camera with the same matrix would see the centre; None without a calibration."""
+    pattern: str | None = None
+    """Which marker it is, such as "surf-dark" or "sift-range-light", see `Detection.kind`; None for arrays."""
 
 
 def undistorted(row: FoundRow, camera: Camera) -> FoundRow:
@@ -72,6 +74,7 @@ def marker_row(marker: Detection, file: str = "", frame: int | None = None) -> F
         sigma_px=None if marker.affinity is None else float(refined_sigmas(marker.affinity[None])[0][0]),
         corners=_corners(marker.corners()),
         doubt="",
+        pattern=marker.kind,
     )
 
 

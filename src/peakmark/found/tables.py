@@ -85,7 +85,7 @@ def _parquet(path: Path, rows: Iterable[FoundRow]) -> None:
 
     number = pa.float64()
     kinds = {"frame": pa.int64(), "code": pa.int64(), "corners": pa.list_(pa.list_(number, 2), 4)}
-    kinds |= dict.fromkeys(("file", "kind", "polarity", "doubt"), pa.string())
+    kinds |= dict.fromkeys(("file", "kind", "polarity", "doubt", "pattern"), pa.string())
     schema = pa.schema([(name, kinds.get(name, number)) for name in COLUMNS])
     left = iter(rows)
     with parquet.ParquetWriter(path, schema) as writer:

@@ -103,7 +103,7 @@ def identify(
     gray = as_gray(image)
     if rule == "general":
         polarities: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
-        limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or _usual_limit(detectors),)
+        limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or usual_limit(detectors),)
         made_for = dict.fromkeys(SOURCES[name][0] for name in detectors)
         return detect_markers(gray, [Variant(*each) for each in product(polarities, limits, made_for)], detectors)
     assert limit != "both"
@@ -146,7 +146,8 @@ def _checked_detectors(detector: str | Sequence[str], rule: Rule, limit: str | N
     return names
 
 
-def _usual_limit(detectors: tuple[str, ...]) -> Limit:
+def usual_limit(detectors: tuple[str, ...]) -> Limit:
+    """Return which limit is looked for unless one is given: discs are binary."""
     return "range" if detectors == ("surf-disc",) else "energy"
 
 

@@ -18,6 +18,7 @@ from peakmark.errors import one_line
 from tests.helpers import marker_view
 from tests.peakmark.cli.films import write_film
 from tests.peakmark.cli.running import Run, runner
+from tests.peakmark.identification.sift_wall import wall
 from tests.places import SOURCES
 
 DARK, LIGHT, EMPTY = marker_view(48), marker_view(60, polarity="light"), np.full((257, 257), 128, np.uint8)
@@ -55,6 +56,34 @@ def test_one_image_is_a_table_and_an_empty_one_says_why(folder: Path, identify: 
     assert done.returncode == 0
     assert "nothing found: looked for dark and light SURF markers" in done.stdout
     assert "too little contrast" in done.stdout
+
+
+def test_markers_for_sift_and_binary_ones_are_found_when_they_are_asked_for(folder: Path, identify: Run) -> None:
+    image, truth = wall()
+    Image.fromarray(image).save(folder / "wall.png")
+    done = identify("wall.png", "--detector", "sift", "--limit", "both", "--out", "f.csv")
+    assert done.returncode == 0
+    with (folder / "f.csv").open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["kind"] == "marker"]
+    for kind, xy, _ in truth:
+        assert kind.kind in [r["pattern"] for r in rows if np.hypot(float(r["x"]) - xy[0], float(r["y"]) - xy[1]) < 0.2]
+    done = identify("in/empty.png", "--detector", "sift", "--limit", "range")
+    assert "nothing found: looked for dark and light binary SIFT markers" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (("--detector", "surf,orb"), "--detector"),
+        (("--limit", "paper"), "--limit"),
+        (("--detector", "surf-disc", "--limit", "energy"), "--limit: expected range or both with --detector surf-disc"),
+    ],
+)
+def test_unknown_kinds_of_markers_are_one_line(folder: Path, identify: Run, wrong: tuple[str, ...], said: str) -> None:
+    done = identify("in/dark.png", *wrong)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: " + said)
+    assert done.stderr.count("\n") == 1
 
 
 def test_folders_patterns_films_and_lists_are_one_run(folder: Path, identify: Run) -> None:

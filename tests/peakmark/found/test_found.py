@@ -80,7 +80,7 @@ def restored(path: Path) -> list[FoundRow]:
 
 def _from_csv(row: dict[str, str]) -> dict[str, object]:
     corners = np.array([float(row.pop(name)) for name in CORNER_COLUMNS]).reshape(4, 2).tolist()
-    texts = {name: row.pop(name) or None for name in ("file", "kind", "polarity")}
+    texts = {name: row.pop(name) or None for name in ("file", "kind", "polarity", "pattern")}
     whole = {name: int(text) if (text := row.pop(name)) else None for name in ("frame", "code")}
     doubt = row.pop("doubt")
     return {
