@@ -176,7 +176,7 @@ static void add_moments(moments *sum, const moments *other) {
     sum->aa += other->aa, sum->bb += other->bb, sum->ab += other->ab;
 }
 
-/* −n log(1 − ρ²): how much better the pattern explains the points than their mean does. */
+/* −n ln (1 − ρ²): how much better the pattern explains the points than their mean does. */
 static double worth_of(const moments *sum) {
     double ab = sum->ab - sum->a * sum->b / sum->n;
     double aa = greater(sum->aa - sum->a * sum->a / sum->n, 1e-6), bb = greater(sum->bb - sum->b * sum->b / sum->n, 1e-9);

@@ -38,7 +38,7 @@ _TEMPLATE_PX, _TEMPLATE_BLUR, _TEMPLATE_TONE = 1000.0, 0.05, 1.4
 _measure_alignment = function(
     "status measure_alignment(const u1[height,width] gray, const f8[18] theta, const f8[2] center, f8 size, "
     "const f8[line_count] lines, const i8[rows,intervals] index, const f8[base_count] base, f8 extent, "
-    "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts, f8[121] pixels)"
+    "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts, f8[121] all)"
 )
 
 _align_each = function(
@@ -46,7 +46,7 @@ _align_each = function(
     "const i8[rows,intervals] index, const f8[base_count] base, f8 extent, f8 focal, "
     "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[shape_count,2,2] shapes, f8 sigma, "
     "f8 hopeless, const f8[knot_count] knots, f8[n,18] theta, f8[n,4] fits, f8[n,8] figures, f8[n,121] sums, "
-    "f8[n,121] counts, f8[n,121] pixels)"
+    "f8[n,121] counts, f8[n,121] all)"
 )
 _block_medians = function("void block_medians(const u1[height,width] gray, f8[down,across] medians)")
 

@@ -152,6 +152,7 @@ def _around(responses: NDArray[np.float32]) -> tuple[float, float]:
     return 0.8 * float(responses.min()), 2 * float(responses.max())
 
 
+@needs_extra
 def polarities(
     ax: Any,
     image: NDArray[np.uint8],

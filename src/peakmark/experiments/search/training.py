@@ -184,6 +184,7 @@ def _rows_by_limit(values: NDArray[np.float64], config: SearchTrainingConfig) ->
     return {"energy": ~is_disc, "range": is_disc}
 
 
+@needs_extra
 def fit_trees(values: NDArray[np.float64], is_marker: NDArray[np.bool_]) -> Trees:
     """Return boosted trees that tell markers by their columns."""
     from sklearn.ensemble import HistGradientBoostingClassifier
