@@ -38,7 +38,8 @@ FOLDS = 5
 
 FALSE_AN_IMAGE = 1 / 25
 """Share of the images without markers in which the threshold allows a false detection. They are hostile: a third are
-drawn, full of blobs and tiles, and half have a random exposure; of 150 images of other photographs one had one."""
+drawn, full of blobs and tiles, and half have a random exposure; docs/figures/search.md
+has other photographs."""
 
 BINS = (0.0, 0.01, 0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 0.99, 1.001)
 """Of the reliability diagram."""
