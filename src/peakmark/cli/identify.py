@@ -38,7 +38,6 @@ _MOST_SHOWN = 40
 @examples(
     "peakmark identify photo.jpg --calibration cam.yaml --map sheet/result.json",
     "peakmark identify 'photos/*.jpg' film.mp4 --out out/found.csv --overlay out/drawn",
-    "peakmark identify poster.jpg --detector surf,sift",
 )
 def identify(
     sources: Annotated[
