@@ -23,7 +23,7 @@ class Detection:
     """An identified marker."""
 
     id: int
-    """0, 1, … by falling response."""
+    """0, 1, … by falling response; −1 of a marker that was found only where one of an array had to be."""
     xy: NDArray[np.float64]
     """(2,) centre in the given image, px, pixel centres at integers; refined where `affinity` is given."""
     size: float
