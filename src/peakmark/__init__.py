@@ -10,6 +10,7 @@ from peaksim.lazy import lazy_names
 if TYPE_CHECKING:
     from peakmark import surf as surf
     from peakmark.arrays.decode import decode_arrays as decode_arrays
+    from peakmark.found.absence import why_nothing as why_nothing
     from peakmark.found.found import Found as Found
     from peakmark.found.found import find as find
     from peakmark.identification.api import identify as identify
@@ -44,5 +45,6 @@ __all__, __getattr__, __dir__ = lazy_names(
         "marker": "peakmark.markers.patterns",
         "overlay": "peakmark.report.picture",
         "surf": "peakmark.surf",
+        "why_nothing": "peakmark.found.absence",
     },
 )

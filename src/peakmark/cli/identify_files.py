@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from peakmark.experiments.journal import Journal
 from peakmark.found.absence import why_nothing
 from peakmark.found.found import find
 from peakmark.found.rows import FoundRow, undistorted
-from peakmark.identification.api import usual_limit
-from peakmark.identification.families import SOURCES
-from peakmark.keypoints.image import as_gray
 from peakmark.maps.locate import location_or_reason
 from peakmark.markers.array_code import THREE_BIT
 from peakmark.markers.optimum import Limit
@@ -46,10 +43,8 @@ class Sought:
     limit: Limit | Literal["both"] | None = None
 
     def why_nothing(self, image: NDArray[Any]) -> str:
-        """Return why none of the first detector's were found."""
-        name = self.detectors[0]
-        limit = self.limit if self.limit in get_args(Limit) else usual_limit((name,))
-        return why_nothing(as_gray(image), SOURCES[name][0], cast(Limit, limit))
+        """Return why none were found."""
+        return why_nothing(image, self.detectors, self.limit)
 
 
 @dataclass(frozen=True)

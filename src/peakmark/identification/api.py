@@ -99,7 +99,7 @@ def identify(
     rule = rule or ("joint" if given else "general")
     polarity = polarity or ("both" if rule == "general" else "dark")
     _check_choices(rule, polarity, limit or "energy", given)
-    detectors = _checked_detectors(detector, rule, limit)
+    detectors = checked_detectors(detector, rule, limit)
     gray = as_gray(image)
     if rule == "general":
         polarities: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
@@ -131,7 +131,7 @@ def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -
         raise InputError(f'limit: expected energy or range with rule "{rule}", got "both"')
 
 
-def _checked_detectors(detector: str | Sequence[str], rule: Rule, limit: str | None) -> tuple[str, ...]:
+def checked_detectors(detector: str | Sequence[str], rule: Rule, limit: str | None) -> tuple[str, ...]:
     """Return the detectors' names, each once."""
     names = (detector,) if isinstance(detector, str) else tuple(dict.fromkeys(detector))
     if not names:

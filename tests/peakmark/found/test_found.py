@@ -14,7 +14,6 @@ from pyarrow import parquet
 
 from peakmark.errors import InputError
 from peakmark.found import find
-from peakmark.found.absence import why_nothing
 from peakmark.found.found import Found, found_in
 from peakmark.found.rows import FoundRow
 from peakmark.found.tables import CORNER_COLUMNS, write_rows
@@ -130,14 +129,3 @@ def test_a_data_frame_has_the_columns_of_the_csv(tmp_path: Path) -> None:
     frame = found.to_dataframe()
     assert list(frame.columns) == list(pandas.read_csv(tmp_path / "found.csv").columns)
     assert frame.loc[0, "x"] == asdict(found.rows()[0])["x"]
-
-
-def test_why_nothing_names_what_is_missing() -> None:
-    rng = np.random.default_rng(0)
-    assert "too little contrast" in why_nothing(np.full((200, 200), 90, np.uint8))
-    assert "the image has 8×8 px" in why_nothing(np.zeros((8, 8), np.uint8))
-    noise = rng.integers(0, 255, (120, 160)).astype(np.uint8)
-    assert "nothing resembles one" in why_nothing(noise) or "likeliest of" in why_nothing(noise)
-    blurred = marker_view(60).copy()
-    blurred[:, 128:] = 255  # half a marker
-    assert "likeliest of" in why_nothing(blurred) or "nothing resembles one" in why_nothing(blurred)
