@@ -1,10 +1,11 @@
-"""What MkDocs calls while it builds the site: pages from all over the repository, the commands, and the API."""
+"""What MkDocs calls while it builds the site: it adds files of the repository, the commands, the API, the gallery."""
 
 from collections.abc import Iterator
 from typing import Any
 
 from api_pages import api_pages
 from command_pages import command_pages
+from gallery_pages import gallery_pages
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -25,11 +26,12 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     return with_site_links(markdown, page.file.src_uri)
 
 
-def _generated() -> Iterator[tuple[str, str]]:
+def _generated() -> Iterator[tuple[str, str | bytes]]:
     for home, name in HOMES.items():
         yield name, (ROOT / home).read_text(encoding="utf-8")
     yield from command_pages()
     yield from api_pages()
+    yield from gallery_pages()
 
 
 def _with_folders(entry: Any, names: list[str]) -> Any:
