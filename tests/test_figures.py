@@ -1,7 +1,9 @@
 """Figures in the README and on the site are those of the data files that the named commands wrote."""
 
+import importlib.util
 import json
 import re
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,16 @@ CAMERAS = (("640×480", 600.0), ("1920×1080", 1400.0), ("2048×1536", 1774.0), 
 """Of the table in "Choose a size": its first two columns."""
 
 SIDE_M = 0.08
+
+
+def keep_figures() -> ModuleType:
+    """Import tools/keep_figures.py, which is no package."""
+    spec = importlib.util.spec_from_file_location("keep_figures", ROOT / "tools" / "keep_figures.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def text(page: str) -> str:
@@ -85,6 +97,47 @@ def test_the_lab_floor() -> None:
     )
 
 
+def test_the_lab_floor_with_sifts_markers() -> None:
+    stretched, plain = data("floor_sift"), data("floor_sift_stretch_1")
+    page = text("docs/figures/floor.md")
+
+    def row(name: str, what: str) -> str:
+        cells = (what.format(**found) for found in (stretched, plain))
+        return f"| {name} | {' | '.join(cells)} |"
+
+    thousands = [f"{found['features']:,}".replace(",", " ") for found in (stretched, plain)]
+    assert f"| features | {thousands[0]} | {thousands[1]} |" in page
+    assert row("markers found of 14, false", "{markers_found}, {false_detections}") in page
+    many = "responses above all clutter (a round pattern has many orientations)"
+    assert row(many, "{responses_above_clutter} for {markers_above_clutter} markers") in page
+    assert row("response, last marker over strongest clutter", "{response_drop:.2f}") in page
+    assert row("centre as SIFT gives it, rms", "{localisation_px[rms]:.3f} px") in page
+
+
+def test_the_view_of_the_room() -> None:
+    surf, sift, paper = data("cave"), data("cave_sift"), data("cave_rule_paper")
+    page = " ".join(text("docs/figures/cave.md").split())
+    assert f"with a factor of {surf['response_drop']:.1f} to the next" in page
+    for found in (surf, sift, paper):
+        assert (found["markers_found"], found["markers_in_view"], found["false_detections"]) == (6, 6, 0)
+        assert (found["arrays_decoded"], found["arrays_in_view"], found["wrong_codes"]) == (2, 2, 0)
+    pose = f"the camera {sift['pose_mm']:.2f} mm and {sift['pose_deg']:.3f}° off"
+    assert f"6 of 6 in this view, both arrays read, {pose}" in page
+
+
+def test_dense_walls() -> None:
+    rows = data("dense_wall")["rows"]
+    page = text("docs/figures/cave.md")
+    for wall, name in (("dark", "dark markers"), ("light", "light markers"), ("mixed", "both")):
+        both, one = [], []
+        for posters in (True, False):
+            (found,) = (row for row in rows if (row["wall"], row["posters"]) == (wall, posters))
+            both.append(f"{found['features_per_megapixel']:,.0f}".replace(",", " "))
+            seen = f"{found['in_both_views']:,}".replace(",", " ")
+            one.append(f"{100 * found['repeatability']:.0f} % of {seen}")
+        assert f"| {name} | {' | '.join(both)} | {' | '.join(one)} |" in page
+
+
 def test_surf_beside_opencv() -> None:
     ratios = json.loads(text("benchmarks/baseline.json"))
     page, speeds = text("docs/how-to/find-surf-key-points.md"), text("benchmarks/README.md")
@@ -120,5 +173,11 @@ def test_every_page_of_figures_names_its_command_and_every_data_file_its_own() -
         if page.name != "index.md":
             (row,) = (line for line in index.splitlines() if f"({page.name})" in line)
             assert "`" in row
-    for file in (ROOT / "docs" / "figures" / "data").glob("*.json"):
-        assert json.loads(file.read_text(encoding="utf-8"))["command"].startswith(("peakmark ", "python "))
+    files = sorted((ROOT / "docs" / "figures" / "data").glob("*.json"))
+    commands = {file.stem: json.loads(file.read_text(encoding="utf-8"))["command"] for file in files}
+    assert commands == keep_figures().COMMANDS
+
+
+def test_what_is_kept_of_a_result_does_not_depend_on_the_machine() -> None:
+    result = {"features": 3, "time_s": {"load": 1.0}, "peak_memory_mb": 5.0, "gl_renderer": "llvmpipe"}
+    assert keep_figures().kept(result, "peakmark cave") == {"command": "peakmark cave", "features": 3}
