@@ -132,12 +132,18 @@ def _draw_descriptor(ax: Any, values: NDArray[Any], title: str, xlabel: str, yli
     ax.set_title(title, fontsize=10)
 
 
-def _sift_descriptor(polarity: marker.Polarity) -> NDArray[np.float64]:
+def _sift_descriptor(polarity: marker.Polarity, detector: str = "sift") -> NDArray[np.float64]:
     """Return the (128,) descriptor of the SIFT marker before the grey of its rim, of unit length."""
     pattern = marker.sift_marker(polarity=polarity)
-    found = find_detector("sift")(np.pad(pattern, len(pattern), mode="edge"))
+    found = find_detector(detector)(np.pad(pattern, len(pattern), mode="edge"))
     assert found.descriptors is not None
     return np.asarray(found.descriptors[0] / np.linalg.norm(found.descriptors[0].astype(np.float64)))
+
+
+def sift_signature_share(detector: str = "sift") -> float:
+    """Return which share of the squares of the dark SIFT marker's descriptor is in the inner four blocks."""
+    blocks = _sift_descriptor("dark", detector).reshape(16, 8)
+    return float((blocks[list(INNER_CELLS)] ** 2).sum())
 
 
 def figure_5() -> Any:

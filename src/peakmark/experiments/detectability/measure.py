@@ -28,7 +28,7 @@ from peakmark.plain import from_plain
 _REFERENCE_TRIALS = 25
 """Undistorted images whose medians are the reference."""
 
-_VERSION = 2
+_VERSION = 3
 """Of what is drawn and measured: a journal of another one is not resumed."""
 
 _KEPT_DRAWINGS = 128

@@ -86,7 +86,7 @@ def runs_text(runs: Sequence[tuple[float, float]]) -> str:
 def envelope_table(rows: Sequence[Row]) -> Table:
     """Return the operating envelope of every marker and detector: within it, every point `passes`.
 
-    A pair of which no axis was measured has no line.
+    A pair of which no axis was measured has no line, an axis that was measured for no pair no column.
     """
     head = (
         "marker",
@@ -102,12 +102,21 @@ def envelope_table(rows: Sequence[Row]) -> Table:
         "exposure",
     )
     table = [_envelope_row(rows, *pair) for pair in pairs(rows) if _is_family(*pair)]
-    return Table(head, [line for line in table if any(value is not None for value in line[2:])])
+    table = [line for line in table if any(value is not None for value in line[2:])]
+    measured = [k for k in range(len(head)) if k < 2 or any(line[k] is not None for line in table)]
+    return Table([head[k] for k in measured], [[line[k] for k in measured] for line in table])
+
+
+_FAMILIES = {
+    **dict.fromkeys(("surf", "surf-paper", "surf-opencv"), "surf"),
+    **dict.fromkeys(("sift", "vlfeat"), "sift"),
+}
+"""Whose markers a detector is measured on; the user's own on all."""
 
 
 def _is_family(marker: str, detector: str) -> bool:
     """Return whether a detector is not just a guest on the other family's marker."""
-    return (marker[:4] == detector[:4] and detector != "sift-opencv") or detector[:4] not in ("surf", "sift", "vlfe")
+    return detector != "sift-opencv" and marker[:4] == _FAMILIES.get(detector, marker[:4])
 
 
 def _envelope_row(rows: Sequence[Row], marker: str, detector: str) -> list[str | float | None]:

@@ -1,5 +1,8 @@
+import re
+
 from peakmark.experiments.detectability.claims import claims_table
 from peakmark.experiments.detectability.points import sides_away
+from peakmark.score.statistics import rate
 from tests.peakmark.experiments.detectability.rows import curve, row
 
 SURF, SIFT = ("surf-dark", "surf-paper"), ("sift-dark", "sift")
@@ -42,16 +45,39 @@ def test_the_tilt_limit_is_where_the_rms_error_passes_3_px():
     rows += [row("tilt", *SURF, x, rms=1.0, series=sides_away(20)) for x in (0, 80)]
     text = found(rows, "SURF's marker leaves")
     assert text.split("; ") == [
-        "1 side away: beyond 3 px RMS from 25°, below 90 % at 25°",
+        "1 side away: beyond 3 px RMS from 25°, found in less than 90 % at 25°",
         "2 sides away: not measured",
         "5 sides away: not measured",
-        "20 sides away: beyond 3 px RMS never, below 90 % at none",
+        "20 sides away: beyond 3 px RMS never, found in less than 90 % at none",
     ]
 
 
 def test_noise_is_read_next_to_20_percent():
     rows = [row("noise", *SURF, x, hits, response_ratio=0.5) for x, hits in ((0, 100), (50, 97), (100, 60))]
     assert found(rows, "noise matters") == "surf-dark at σ 50: 97 % detected, response 50 % of the clean one"
+
+
+def test_a_marker_that_is_not_found_has_no_error_beyond_3_px():
+    rows = [
+        row("tilt", *SIFT, x, hits, rms=rms, series=sides_away(20)) for x, hits, rms in ((0, 100, 1), (40, 0, None))
+    ]
+    assert found(rows, "SIFT's marker leaves").endswith(
+        "20 sides away: beyond 3 px RMS never, found in less than 90 % at 40°"
+    )
+
+
+def test_one_image_a_point_is_no_share():
+    one = {"trials": 1, "detected": rate(1, 1)}
+    rows = [row("scale", *SURF, x, **one) for x in (14, 200)] + [row("scale", *SURF, 8, trials=1, detected=rate(0, 1))]
+    rows += [row("tilt", *SURF, 40, trials=1, detected=rate(0, 1), series=sides_away(1))]
+    assert found(rows, "the SURF marker is detected") == "14 to 200 px"
+    assert found(rows, "both markers have").startswith("surf-dark: not found at none")
+    assert found(rows, "SURF's marker leaves").startswith("1 side away: beyond 3 px RMS never, not found at 40°")
+
+
+def test_sifts_signature_holds_most_of_its_descriptor():
+    (share,) = {int(text) for text in re.findall(r"(\d+) % of its squares by sift", found([], "the DoG's main lobes"))}
+    assert share == 88
 
 
 def test_gain_bias_and_uniqueness_come_from_the_rows():
@@ -69,11 +95,12 @@ def test_gain_bias_and_uniqueness_come_from_the_rows():
 
 def test_every_claim_has_a_line_even_without_rows():
     table = claims_table([])
-    assert len(table.rows) == 10
+    assert len(table.rows) == 11
     assert all(len(line) == 3 for line in table.rows)
     told = [line[0] for line in table.rows if line[1] != "not measured"]
     assert [claim.split("°")[0][-2:] for claim in told[:2]] == ["25", "35"]  # those name the distances not measured
-    assert "sums of absolute gradients" in told[2]  # which needs no images
+    assert "sums of absolute gradients" in told[2]  # which needs no images, as the next
+    assert "signature" in told[3]
 
 
 def test_vlfeats_sift_stands_beside_opencvs():

@@ -66,7 +66,15 @@ def test_the_envelope_reads_every_axis_from_its_mild_end():
     table = envelope_table(rows)
     assert len(table.rows) == 1, "SIFT is a guest on a SURF marker, and of VLFeat no limit was measured"
     found = dict(zip(table.head, table.rows[0], strict=True))
-    assert list(found.values()) == ["surf-dark", "surf", "10–30", "20", 40, 50, None, None, 50, 0.5, "×0.5–×1"]
+    assert list(found.values()) == ["surf-dark", "surf", "10–30", "20", 40, 50, 50, 0.5, "×0.5–×1"]
+    assert not any("blur" in name or "motion" in name for name in found), "what was not measured has no column"
+
+
+def test_vlfeats_sift_has_its_own_line_and_a_users_detector_one_for_each_marker():
+    names = {"sift-dark": ("vlfeat", "sift-opencv", "surf", "cv2:ORB"), "surf-dark": ("vlfeat", "cv2:ORB")}
+    rows = [row("scale", marker, name, 10) for marker, detectors in names.items() for name in detectors]
+    listed = [tuple(line[:2]) for line in envelope_table(rows).rows]
+    assert listed == [("sift-dark", "vlfeat"), ("sift-dark", "cv2:ORB"), ("surf-dark", "cv2:ORB")]
 
 
 def test_gains_compare_equal_sizes_that_are_always_found():
