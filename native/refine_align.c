@@ -268,6 +268,24 @@ static bool is_in_vain(const fitted *result, int64_t count, double goal) {
     return goal > 0 && (double)count / 2 * same_log(result->noise / goal) > 4 * result->length / 2;
 }
 
+/* Damping up to which a step's length tells how far the end is; a DoG's size, contrast and blur lie along a bent valley. */
+static const double FREE_DAMPING = 2e-3;
+
+static double penalty(const double *theta, const prior *before, int64_t n) {
+    double sum = 0;
+    for (int64_t k = 0; k < n; k++)
+        if (before->used[k]) sum += before->precision[k] * (theta[k] - before->mean[k]) * (theta[k] - before->mean[k]);
+    return sum;
+}
+
+/* Whether a step is taken: of a pattern without edges, whose derivatives are whole, one that gains. */
+static bool is_taken(const model *m, const double *theta, const equations *here, const double *trial, const equations *there,
+                     const prior *before, double noise) {
+    if (!is_graded(m)) return there->squares <= 1.2 * here->squares;
+    double gain = (here->squares - there->squares) / noise;
+    return gain + penalty(theta, before, m->parameters) - penalty(trial, before, m->parameters) >= -1e-3;
+}
+
 /* Solve Jᵀr / noise = precision (θ − mean), the noise being the residuals' own mean square; see gauss_newton. */
 fitted fit(model *m, const pixels *chosen, const double *start, const prior *before, patience limits) {
     int64_t n = m->parameters;
@@ -275,11 +293,12 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
     memcpy(result.theta, start, (size_t)n * sizeof *start);
     if (chosen->count < MIN_PIXELS) return result;
     equations here, there;
-    double damping = 1e-3, slope[LIT], hessian[LIT * LIT], step[LIT], trial[LIT];
+    double damping = 1e-3, factor = is_graded(m) ? 10 : 30, slope[LIT], hessian[LIT * LIT], step[LIT], trial[LIT];
     add_up(m, result.theta, chosen, before->used, &here);
     result.noise = noise_of(&here);
     for (int64_t i = 0; i < limits.steps; i++) {
-        if (!posterior(&here, result.theta, before, n, result.noise, damping, slope, hessian)) {
+        double noise = weighed_by(m, result.noise, result.theta[8]);
+        if (!posterior(&here, result.theta, before, n, noise, damping, slope, hessian)) {
             result.converged = false;
             return result;
         }
@@ -288,18 +307,19 @@ fitted fit(model *m, const pixels *chosen, const double *start, const prior *bef
         if (n == LIT) bound_blur(trial);
         add_up(m, trial, chosen, before->used, &there);
         result.converged = false;
-        if (!(there.squares <= 1.2 * here.squares)) {
-            damping *= 30;
+        if (!is_taken(m, result.theta, &here, trial, &there, before, noise)) {
+            damping *= factor;
             continue;
         }
         memcpy(result.theta, trial, sizeof trial);
         here = there;
         result.noise = noise_of(&here);
-        damping /= 30;
+        bool is_held_back = is_graded(m) && damping > FREE_DAMPING;
+        damping /= factor;
         result.share = here.weight / (double)chosen->count;
         result.length = length;
-        result.converged = length < limits.converged;
-        if (length < limits.enough) break;
+        result.converged = length < limits.converged && !is_held_back;
+        if (length < limits.enough && !is_held_back) break;
         if (is_in_vain(&result, chosen->count, limits.goal)) {
             result.converged = false;
             break;
@@ -483,14 +503,15 @@ static status align_plainly(model *m, const surroundings *around, const double *
     if (state != DONE) return state;
     for (int k = 0; k < 2; k++) result->theta[k] = block * result->theta[k] + (block - 1) / 2;
     for (int k = 2; k < 6; k++) result->theta[k] *= block;
-    before.precision[10] = 1 / (BLUR_SPREAD * BLUR_SPREAD);
+    before.precision[10] = blur_precision(m);
     pixels chosen;
     state = read_pixels(m, around->crop, result->theta, PIXELS, taken, &chosen);
     if (state != DONE) return state;
     /* a DoG's size, contrast and blur are hard to tell apart */
-    *result = fit(m, &chosen, result->theta, &before, m->is_round ? (patience){40, 1.0, 1e-2, 0} : (patience){15, 1e-2, 1e-2, 0});
-    return result->converged ? fill_sandwich(m, &chosen, result->theta, result->noise, before.precision, covariance, taken)
-                             : DONE;
+    *result = fit(m, &chosen, result->theta, &before, is_graded(m) ? (patience){100, 1.0, 1e-2, 0} : (patience){15, 1e-2, 1e-2, 0});
+    if (!result->converged) return DONE;
+    double noise = weighed_by(m, result->noise, result->theta[8]);
+    return fill_sandwich(m, &chosen, result->theta, noise, before.precision, covariance, taken);
 }
 
 EXPORT status align(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,

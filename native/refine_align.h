@@ -37,6 +37,10 @@ typedef struct {
 
 #define BLUR_SPREAD 5.0 /* standard deviation of the prior on the blur's variance in the last fit, px² */
 
+/* A DoG's blur, size and contrast together look alike: its last fit takes it that an image is sharp. */
+#define SHARP_SPREAD 1.0
+#define PRINT_ERROR 0.004 /* of a DoG as it is printed in 256 levels, and drawn here between radii, over black to white */
+
 /* A Gaussian prior, and which parameters are fitted at all. */
 typedef struct {
     double mean[LIT], precision[LIT];
@@ -57,6 +61,19 @@ static inline void hold(prior *before, int k) { before->precision[k] = HELD, bef
 static inline void hold_turn(const model *m, prior *before) {
     if (m->is_round) hold(before, 4);
     if (m->is_round && m->line_count == 2) hold(before, 6), hold(before, 7);
+}
+
+static inline bool is_graded(const model *m) { return m->is_round && m->line_count > 2; }
+
+/* Precision of the prior on the blur's variance in the last fit. */
+static inline double blur_precision(const model *m) {
+    double spread = is_graded(m) ? SHARP_SPREAD : BLUR_SPREAD;
+    return 1 / (spread * spread);
+}
+
+/* What residuals are weighed by: their mean square, and what the pattern itself may be off. */
+static inline double weighed_by(const model *m, double noise, double gain) {
+    return noise + (is_graded(m) ? PRINT_ERROR * PRINT_ERROR * gain * gain : 0);
 }
 
 typedef struct {

@@ -451,10 +451,11 @@ EXPORT status finish_in_light(const uint8_t *gray, int64_t height, int64_t width
     if (state == DONE && chosen.count >= MIN_PIXELS) {
         m.cut = cut;
         prior before = last_prior(&m, theta, size, focal);
+        before.precision[10] = blur_precision(&m);
         state = fit_rim(&m, around.crop, rim, &before, theta, &chosen, &taken);
         add_up(&m, theta, &chosen, before.used, &sums);
         double noise = greater(sums.squares / greater(sums.weight - PLAIN, 1), 1.0 / 12);
-        if (state == DONE) state = fill_sandwich(&m, &chosen, theta, noise, before.precision, covariance, &taken);
+        if (state == DONE) state = fill_sandwich(&m, &chosen, theta, weighed_by(&m, noise, theta[8]), before.precision, covariance, &taken);
     }
     if (state == DONE) theta[0] += (double)around.left, theta[1] += (double)around.top;
     give_back(&taken);

@@ -309,28 +309,74 @@ static void add_ramps(const model *m, float8 radius, float8 sigma, float8 sign, 
     }
 }
 
-/* What eight pixels see of a round pattern: its profile along the radius, under the blur along it, a pixel's square with
-   it. Blur across the radius makes it longer: right where the profile is a parabola, and to first order at an edge. */
+/* The distance from the centre of what a pixel sees, as a normal distribution with the right second and fourth moments, at
+   radius r under a blur of variance a along it, c across it and covariance e: ρ² = (r + x)² + y² has the mean r² + a + c and the
+   variance 4 r² a + 2 a² + 2 c² + 4 e². Its derivatives by r, a, c and e, half of those by its variance beside them. */
+typedef struct {
+    float8 mean, variance, by_r, by_a, by_c, by_e, half_by_r, half_by_a, half_by_c, half_by_e;
+} distance;
+
+static inline distance seen_distance(float8 r, float8 a, float8 c, float8 e) {
+    const float8 zero = all8(0), two = all8(2), half = all8(0.5f), tiny = all8(1e-12f);
+    float8 square = r * r, fourth = square * square + two * c * (square + a) - two * e * e;
+    float8 mean_square = root8(choose8(fourth > tiny, fourth, tiny)), mean = root8(mean_square);
+    float8 variance = square + a + c - mean_square, inverse = all8(1) / mean_square, per_mean = half / mean;
+    float8 by_r = two * r * (square + c) * inverse, by_a = c * inverse, by_c = (square + a) * inverse; /* of mean² */
+    float8 by_e = zero - two * e * inverse;
+    return (distance){mean, choose8(variance > tiny, variance, tiny),
+                      by_r * per_mean, by_a * per_mean, by_c * per_mean, by_e * per_mean,
+                      r - half * by_r, half - half * by_a, half - half * by_c, zero - half * by_e};
+}
+
+/* What eight pixels see of a round pattern: its profile, under the distribution of distances that blur and a pixel's square
+   make of its own one. */
 static sight look_round(const model *m, const double *theta, const view_columns *views, int64_t i) {
     const bool is_lit = m->parameters == LIT;
-    const float8 d = all8(is_lit ? (float)theta[16] : 0), e = all8(is_lit ? 2 * (float)theta[17] : 0), tiny = all8(1e-12f);
+    const float8 d = all8(is_lit ? (float)theta[16] : 0), e = all8(is_lit ? (float)theta[17] : 0), two = all8(2);
     const float8 blur = all8((float)(PIXEL_VARIANCE + greater(theta[10], is_lit ? MIN_BLUR : 0)));
     radial_views radial = radial8(load8(views->u + i), load8(views->v + i), load8(views->ux + i), load8(views->uy + i),
                                   load8(views->vx + i), load8(views->vy + i));
-    float8 own = radial.radius, x = radial.x, y = radial.y, p = radial.p, q = radial.q;
-    float8 along = blur * (x * x + y * y) + d * (x * x - y * y) + e * x * y;
-    float8 across = blur * (p * p + q * q) + d * (p * p - q * q) + e * p * q;
-    float8 sigma = root8(choose8(along > tiny, along, tiny)), radius = root8(own * own + choose8(across > tiny, across, tiny));
+    float8 x = radial.x, y = radial.y, p = radial.p, q = radial.q;
+    float8 along = blur * (x * x + y * y) + d * (x * x - y * y) + two * e * x * y;
+    float8 across = blur * (p * p + q * q) + d * (p * p - q * q) + two * e * p * q;
+    float8 both = blur * (x * p + y * q) + d * (x * p - y * q) + e * (x * q + y * p);
+    distance at = seen_distance(radial.radius, along, across, both);
+    float8 sigma = root8(at.variance);
     profile sums = {all8(m->shown[0]), all8(0), all8(0), all8(is_lit ? m->tones[0] : 0)};
-    add_ramps(m, radius, sigma, all8(1), &sums);
-    add_ramps(m, all8(0) - radius, sigma, all8(-1), &sums);
-    float8 wider = sums.slope / radius, outwards = wider * own;
-    return (sight){sums.level, outwards * x, outwards * y, sums.bend * x * x + wider * p * p, sums.bend * y * y + wider * q * q,
-                   sums.bend * x * y + wider * p * q, sums.tone};
+    add_ramps(m, at.mean, sigma, all8(1), &sums);
+    add_ramps(m, all8(0) - at.mean, sigma, all8(-1), &sums);
+    float8 outwards = sums.slope * at.by_r + sums.bend * at.half_by_r, own = radial.radius;
+    float8 by_a = sums.slope * at.by_a + sums.bend * at.half_by_a, by_c = sums.slope * at.by_c + sums.bend * at.half_by_c;
+    float8 by_e = sums.slope * at.by_e + sums.bend * at.half_by_e; /* around the centre the blur turns against the radius */
+    float8 turning = two * both * (by_a - by_c) + (across - along) * by_e, is_off = all8(1e-3f) * at.mean;
+    float8 aside = only8(own > is_off, turning / choose8(own > is_off, own, at.mean));
+    return (sight){sums.level, outwards * x + aside * p, outwards * y + aside * q,
+                   two * (by_a * x * x + by_c * p * p + by_e * x * p), two * (by_a * y * y + by_c * q * q + by_e * y * q),
+                   two * (by_a * x * y + by_c * p * q) + by_e * (x * q + y * p), sums.tone};
 }
 
-/* Write the residuals of eight pixels, and the derivatives of their predictions; those by A and g leave out how they change
-   the blur. */
+/* Add to the derivatives by A and g how they change the blur in the pattern's units, by A −D Σ H, by g
+   tr(Σ H) u + D Σ (H (x − c) + ∇): D = ∂u/∂x, Σ is the blur, ∇ and H are the prediction's first and second derivatives. */
+static void add_blur_of_shape(const model *m, const double *theta, const view_columns *views, int64_t i, const sight *seen,
+                              float8 shown, float8 *by) {
+    const bool is_lit = m->parameters == LIT;
+    const float8 d = all8(is_lit ? (float)theta[16] : 0), e = all8(is_lit ? (float)theta[17] : 0);
+    const float8 blur = all8((float)(PIXEL_VARIANCE + greater(theta[10], is_lit ? MIN_BLUR : 0)));
+    float8 xx = (blur + d) * seen->by_xx + e * seen->by_xy, xy = (blur + d) * seen->by_xy + e * seen->by_yy; /* Σ H */
+    float8 yx = e * seen->by_xx + (blur - d) * seen->by_xy, yy = e * seen->by_xy + (blur - d) * seen->by_yy;
+    float8 x = load8(views->x + i), y = load8(views->y + i), scale = shown / load8(views->w + i);
+    float8 px = xx * x + xy * y + (blur + d) * seen->by_x + e * seen->by_y;
+    float8 py = yx * x + yy * y + e * seen->by_x + (blur - d) * seen->by_y;
+    float8 ux = scale * load8(views->ux + i), uy = scale * load8(views->uy + i);
+    float8 vx = scale * load8(views->vx + i), vy = scale * load8(views->vy + i);
+    by[2] -= ux * xx + uy * yx, by[3] -= vx * xx + vy * yx;
+    by[4] -= ux * xy + uy * yy, by[5] -= vx * xy + vy * yy;
+    by[6] += scale * (xx + yy) * load8(views->u + i) + ux * px + uy * py;
+    by[7] += scale * (xx + yy) * load8(views->v + i) + vx * px + vy * py;
+}
+
+/* Write the residuals of eight pixels, and the derivatives of their predictions; of square patterns those by A and g leave out
+   how they change the blur. */
 static void compare(const model *m, const double *theta, const view_columns *views, int64_t i, const sight *seen,
                     float8 level, tile_rows rows) {
     bool is_lit = m->parameters == LIT;
@@ -349,9 +395,10 @@ static void compare(const model *m, const double *theta, const view_columns *vie
     float8 along = px * load8(views->x + i) + py * load8(views->y + i), per_w = all8(1) / load8(views->w + i);
     float8 u = load8(views->u + i) * per_w, v = load8(views->v + i) * per_w, zero = all8(0);
     float8 half = all8(0.5f) * shown, xx = seen->by_xx, yy = seen->by_yy, xy = seen->by_xy;
-    const float8 by[LIT] = {zero - px, zero - py, zero - px * u, zero - px * v, zero - py * u, zero - py * v, along * u, along * v,
+    float8 by[LIT] = {zero - px, zero - py, zero - px * u, zero - px * v, zero - py * u, zero - py * v, along * u, along * v,
                             lit, all8(1), half * (xx + yy), gain * p * seen->level, gain * q * seen->level, gain * p, gain * q,
                             shown * seen->by_tone, half * (xx - yy), all8(2) * half * xy};
+    if (m->is_round) add_blur_of_shape(m, theta, views, i, seen, shown, by);
     for (int64_t k = 0; k < m->parameters; k++) store8(rows[k] + i, only8(is_before, by[k]));
 }
 

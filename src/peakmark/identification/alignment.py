@@ -187,16 +187,17 @@ def align_candidates(
 
 
 def finished(
-    gray: NDArray[np.uint8], aligned: Aligned, row: int, variant: Variant
+    gray: NDArray[np.uint8], aligned: Aligned, row: int, variant: Variant, focal_px: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return an alignment's parameters (18,) after its last fit, with the pattern's rim, and its centre's covariance.
 
-    The covariance is (2, 2), px²; rounding adds (0.003 px)² where there is no noise.
+    The covariance is (2, 2), px²; rounding adds (0.003 px)² where there is no noise. The focal length is the image's
+    longer side unless given.
     """
     center, side_px = aligned.centers[row], float(aligned.sizes_px[row])
     extent = extent_of(variant)
     rim = RIM if variant.made_for == "surf" else extent + 1e-6  # its last fit takes no rim, but perspective
-    extra = (extent, rim, float(max(gray.shape)), float(aligned.cuts[row]))
+    extra = (extent, rim, float(focal_px or max(gray.shape)), float(aligned.cuts[row]))
     pattern = lit_pattern(variant, MOST_RADII)
     theta, covariance = finish_in_light(gray, aligned.theta[row], center, side_px, *pattern, *extra)
     is_rounded = aligned.noise[row] < DITHER**2

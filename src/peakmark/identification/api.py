@@ -49,6 +49,7 @@ def identify(
     limit: Limit | Literal["both"] | None = None,
     refine: bool | None = None,
     detector: str | Sequence[str] = "surf",
+    focal_px: float | None = None,
 ) -> tuple[Detection, ...]:
     """Return the markers in an image, strongest first; none is an empty tuple.
 
@@ -86,13 +87,17 @@ def identify(
         with "joint" SURF's alone. SIFT's markers are round: their affinity is that without a rotation, and with limit
         "range" they are discs. A disc is a marker for both: "surf-disc" looks for discs where SURF answers, and calls
         them what "sift" does.
+    focal_px
+        Focal length, px, of an image without distortion: how strong perspective can be, and where the centres of discs
+        may be seen (`Detection.aside`), by the general rule. About the image's longer side unless given.
 
     Raises
     ------
     InputError
         If the stretch is not in 0.25…8, polarity, rule, limit or detector is unknown, both polarities are asked for
-        with the rule "joint" or both limits or another detector with a narrower rule, a stretch, threshold or
-        refinement with the general one, pycolmap is missing, or the image is not one that `surf.detect` takes.
+        with the rule "joint" or both limits, another detector or a focal length with a narrower rule, a stretch,
+        threshold or refinement with the general one, the focal length is not above 0, pycolmap is missing, or the image
+        is not one that `surf.detect` takes.
     """
     narrowing = {"stretch": stretch, "threshold": threshold, "refine": refine}
     given = [name for name, value in narrowing.items() if value is not None]
@@ -100,12 +105,14 @@ def identify(
     polarity = polarity or ("both" if rule == "general" else "dark")
     _check_choices(rule, polarity, limit or "energy", given)
     detectors = checked_detectors(detector, rule, limit)
+    _check_focal(focal_px, rule)
     gray = as_gray(image)
     if rule == "general":
         polarities: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
         limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit or usual_limit(detectors),)
         made_for = dict.fromkeys(SOURCES[name][0] for name in detectors)
-        return detect_markers(gray, [Variant(*each) for each in product(polarities, limits, made_for)], detectors)
+        variants = [Variant(*each) for each in product(polarities, limits, made_for)]
+        return detect_markers(gray, variants, detectors, focal_px)
     assert limit != "both"
     default = 1.0 if polarity == "both" else 2.0
     stretch = default if stretch is None else stretch
@@ -129,6 +136,13 @@ def _check_choices(rule: str, polarity: str, limit: str, given: Sequence[str]) -
         raise InputError('polarity: expected dark or light with rule "joint", got "both"')
     if rule != "general" and limit == "both":
         raise InputError(f'limit: expected energy or range with rule "{rule}", got "both"')
+
+
+def _check_focal(focal_px: float | None, rule: str) -> None:
+    if focal_px is not None and not 0 < focal_px < np.inf:
+        raise InputError(f"focal_px: expected a positive number, got {focal_px}")
+    if focal_px is not None and rule != "general":
+        raise InputError(f'focal_px: expected none with rule "{rule}", got {focal_px:g}')
 
 
 def checked_detectors(detector: str | Sequence[str], rule: Rule, limit: str | None) -> tuple[str, ...]:

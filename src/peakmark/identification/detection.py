@@ -50,6 +50,9 @@ class Detection:
     """Of its pattern: "energy", the paper's, or "range", the binary one."""
     made_for: Made = "surf"
     """The detector that its pattern is made for: "surf" or "sift"."""
+    aside: NDArray[np.float64] | None = None
+    """(2,) px, of a disc by the general search: its centre is seen at about `xy` + `aside` or `xy` − `aside`, and
+    nothing of the disc tells which, see `peakmark.refine.Refined`; the covariance holds it."""
 
     @property
     def kind(self) -> str:

@@ -32,6 +32,7 @@ from peakmark.identification.marker_model import MarkerModel, shipped_model
 from peakmark.identification.suppression import suppress_non_maxima
 from peakmark.markers.patterns import Polarity, Variant
 from peakmark.refine.api import upright_rotation
+from peakmark.refine.round import disc_centers
 
 BATCH = 64
 """Candidates that are aligned together, by falling worth."""
@@ -179,12 +180,15 @@ def _markers(gray: NDArray[np.uint8], found: Alignments, likely: NDArray[np.floa
 
 
 def detect_markers(
-    gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL, detectors: Sequence[str] = ("surf",)
+    gray: NDArray[np.uint8],
+    variants: Sequence[Variant] = USUAL,
+    detectors: Sequence[str] = ("surf",),
+    focal_px: float | None = None,
 ) -> tuple[Detection, ...]:
     """Return the markers whose centres lie in a (H, W) image, strongest first, those of each detector by themselves.
 
     Of the variants each detector finds those that are made for it, see `SOURCES`. What is found as a marker of two is
-    the likelier one.
+    the likelier one. The focal length tells where discs' centres may be; about the longer side unless given.
     """
     found: list[Detection] = []
     for detector in detectors:
@@ -192,7 +196,7 @@ def detect_markers(
         own = [variant for variant in variants if variant.made_for == made_for]
         own = [variant for variant in own if detector != "surf-disc" or variant.limit == "range"]
         if own:
-            found += _detect_family(gray, own, pages(gray))
+            found += _detect_family(gray, own, pages(gray), focal_px)
     if len(detectors) > 1 and found:
         columns = (np.array([getattr(one, name) for one in found]) for name in ("xy", "size", "probability"))
         found = [found[row] for row in sorted(suppress_non_maxima(*columns))]
@@ -200,20 +204,31 @@ def detect_markers(
 
 
 def _detect_family(
-    gray: NDArray[np.uint8], variants: Sequence[Variant], pages: Iterator[MarkerCandidates]
+    gray: NDArray[np.uint8], variants: Sequence[Variant], pages: Iterator[MarkerCandidates], focal_px: float | None
 ) -> Iterator[Detection]:
     """Yield the markers that are made for one detector, strongest first."""
     found = _productive(gray, _batches(gray, variants, pages))
     likely = _likely(found)
     rows = _markers(gray, found, likely)
     for number, row in enumerate(rows[np.argsort(-found.candidates.responses[rows], kind="stable")]):
-        yield _detection(gray, found, int(row), number, float(likely[row]))
+        one = _detection(gray, found, int(row), number, float(likely[row]), focal_px)
+        yield _at_disc_center(one, gray.shape, focal_px) if found.variants[row].is_disc else one
 
 
-def _detection(gray: NDArray[np.uint8], found: Alignments, row: int, number: int, probability: float) -> Detection:
+def _at_disc_center(one: Detection, shape: tuple[int, ...], focal_px: float | None) -> Detection:
+    """Return a disc that was found as an ellipse where its centre may be seen."""
+    assert one.affinity is not None
+    assert one.covariance is not None
+    places = disc_centers(one.xy[None], one.affinity[None], shape, focal_px)
+    return replace(one, xy=places.xy[0], aside=places.aside[0], covariance=one.covariance + places.covariance[0])
+
+
+def _detection(
+    gray: NDArray[np.uint8], found: Alignments, row: int, number: int, probability: float, focal_px: float | None
+) -> Detection:
     """Return one alignment as a detection, upright."""
     aligned, responses, variant = found.aligned, found.candidates.responses, found.variants[row]
-    theta, covariance = finished(gray, aligned, row, variant)
+    theta, covariance = finished(gray, aligned, row, variant, focal_px)
     affine = theta[2:6].reshape(2, 2) / span_of(variant)
     rotation = upright_rotation(affine[None])[0]
     unexplained = np.exp(-found.evidence[row, COLUMNS.index("unexplained")])

@@ -45,6 +45,11 @@ class Variant(NamedTuple):
         """What scenes, truth and sheets call it, such as "surf-dark" or "sift-range-light"."""
         return "-".join([self.made_for, *(["range"] if self.limit == "range" else []), self.polarity])
 
+    @property
+    def is_disc(self) -> bool:
+        """Whether it is a disc, whose image is an ellipse in any perspective."""
+        return self.made_for == "sift" and self.limit == "range"
+
 
 IN_PLACE_OF_SURF: dict[Made, dict[str, str]] = {
     "surf": {},

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import DOG_RATIO, SIFT_SIDE_IN_SIGMA, Polarity, check_pattern, dog_zero_crossing
 
+DISC_RADIUS = dog_zero_crossing(1 / SIFT_SIDE_IN_SIGMA)
+"""Of the printed disc, sides."""
+
 RADII, MOST_RADII = 16, 32
 """Of the DoG's profile, that it is linear between them: off by 0.003 of black to white at most, or by 0.0007. With few,
 blur, size and contrast together make up for what is missing."""
@@ -33,8 +36,7 @@ def sift_profile(
 
 
 def _disc_profile() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    radius = dog_zero_crossing(1 / SIFT_SIDE_IN_SIGMA)
-    return radius + np.array([-0.5, 0.5]) * _EDGE, np.array([0.0, 1.0])
+    return DISC_RADIUS + np.array([-0.5, 0.5]) * _EDGE, np.array([0.0, 1.0])
 
 
 def _dog_profile(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

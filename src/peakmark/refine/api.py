@@ -19,7 +19,7 @@ from peakmark.markers.profile import MOST_RADII, sift_profile
 from peakmark.parallel import map_parallel
 from peakmark.refine.align import align, shape_grid
 from peakmark.refine.model import PARAMETERS, Pattern, predict
-from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
+from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, disc_centers, round_shape_grid, round_template
 
 VARIANTS = {
     one.kind: one for one in (Variant(*each) for each in product(get_args(Polarity), get_args(Limit), get_args(Made)))
@@ -57,7 +57,8 @@ class Refined:
     """(n, 2) g of ``x = c + A u / (1 + g·u)``, per side, u = (0, 0) at the pattern's centre and ±½ at its edges."""
     covariance: NDArray[np.float64]
     """(n, 6, 6) of (x, y, a11, a12, a21, a22), px²; nan where not converged. From the residuals themselves; below
-    half a grey level of noise, where rounding errs alike along an edge, (0.003 px)² is added."""
+    half a grey level of noise, where rounding errs alike along an edge, (0.003 px)² is added. A disc's has what
+    `aside` leaves open, too."""
     gain: NDArray[np.float64]
     """(n,) grey levels between the pattern's black and white."""
     offset: NDArray[np.float64]
@@ -70,6 +71,9 @@ class Refined:
     """(n,) share of the grey levels' variance that the pattern explains, 0…1."""
     converged: NDArray[np.bool_]
     """(n,) whether a marker was found and its fit converged."""
+    aside: NDArray[np.float64]
+    """(n, 2) px; where it is not 0 the centre is seen at `xy` + `aside` or at `xy` − `aside`, and nothing tells which:
+    of a disc, for its image is an ellipse whatever the tilt. Of a guessed focal length unless one was given."""
 
     @property
     def side_px(self) -> NDArray[np.float64]:
@@ -108,7 +112,8 @@ def refine(
         Width of white around the pattern that may be relied on, in sides; 0 compares the pattern alone, so
         that anything may surround it.
     focal_px
-        Focal length, px, which bounds how strong perspective can be; the image's longer side unless given.
+        Focal length, px, which bounds how strong perspective can be, and tells where the centre of a disc may be seen;
+        the image's longer side unless given, and then a disc's covariance takes it that this is off by a half.
 
     Returns
     -------
@@ -133,7 +138,18 @@ def refine(
     covariance = np.array([fit[1] for fit in fits]).reshape(-1, PARAMETERS, PARAMETERS)
     noise, converged = (np.array([fit[k] for fit in fits]) for k in (2, 3))
     refined = _refined(theta, covariance, noise, converged.astype(bool), positions, sizes, _variance_of(model))
-    return _of_whole_sides(refined, span)
+    refined = _of_whole_sides(refined, span)
+    return _at_disc_centers(refined, gray.shape, focal_px) if VARIANTS[pattern].is_disc else refined
+
+
+def _at_disc_centers(refined: Refined, shape: tuple[int, ...], focal_px: float | None) -> Refined:
+    """Return discs between the two places where their centres may be seen, instead of at those of their ellipses."""
+    rows = np.flatnonzero(refined.converged)
+    places = disc_centers(refined.xy[rows], refined.affine[rows], shape, focal_px)
+    xy, aside, covariance = refined.xy.copy(), refined.aside.copy(), refined.covariance.copy()
+    xy[rows], aside[rows] = places.xy, places.aside
+    covariance[rows, :2, :2] += places.covariance
+    return replace(refined, xy=xy, aside=aside, covariance=covariance)
 
 
 def _variance_of(model: Pattern) -> float:
@@ -188,6 +204,7 @@ def _refined(
         noise=np.sqrt(noise),
         explained=np.where(converged, explained, 0.0),
         converged=converged,
+        aside=np.zeros((len(theta), 2)),
     )
 
 

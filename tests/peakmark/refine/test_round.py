@@ -8,12 +8,14 @@ import pytest
 from numpy.typing import NDArray
 
 from peakmark.errors import InputError
+from peakmark.experiments.search.center_views import render_view
 from peakmark.identification.alignment import lit_pattern
 from peakmark.markers.patterns import Variant, dog_zero_crossing
-from peakmark.markers.profile import sift_profile
+from peakmark.markers.profile import MOST_RADII, sift_profile
 from peakmark.refine import circle_centers, refine
+from peakmark.refine.api import VARIANTS
 from peakmark.refine.lit import lit_residuals
-from peakmark.refine.round import ROUND_SPAN
+from peakmark.refine.round import ROUND_SPAN, round_shape_grid
 
 KINDS = [Variant(polarity, limit, "sift") for polarity in ("dark", "light") for limit in ("energy", "range")]
 FINE = 8
@@ -66,19 +68,26 @@ def test_the_kernel_shows_what_a_drawing_shows(variant: Variant) -> None:
 
 @pytest.mark.parametrize("variant", KINDS, ids=lambda one: one.kind)
 def test_derivatives_are_those_of_differences(variant: Variant) -> None:
-    """Those by A and g leave out the blur, so it is small here; a21 is not fitted, and left out."""
+    """All of them, with how shape and perspective change the blur; perspective's leave out a third order."""
     anchor = np.array([50.0, 45.0, 40.0])
-    theta = theta_of(blur=1.0)
+    theta = theta_of(blur=1.5)
     show = partial(lit_residuals, np.zeros(SHAPE, np.float32), pixels(), anchor=anchor)
-    lines, index, base = lit_pattern(variant)
+    lines, index, base = lit_pattern(variant, MOST_RADII)
     _, jacobian = show(theta=theta, lines=lines, index=index, base=base)
-    for k in (0, 1, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17):
-        step = np.zeros(18)
-        step[k] = 0.02 if k not in (8, 9) else 1.0
+    steps = np.array([0.02, 0.02, *[0.3] * 4, 0.003, 0.003, 1.0, 1.0, *[0.02] * 8])
+    tolerances = np.full(18, 0.12 if variant.is_disc else 0.01)
+    tolerances[6:8] = 0.12
+    for k in np.flatnonzero([not (variant.is_disc and k == 15) for k in range(18)]):  # a disc shows no tone
+        step = steps[k] * np.eye(18)[k]
         up, down = (show(theta=theta + sign * step, lines=lines, index=index, base=base)[0] for sign in (1, -1))
-        numeric = -(up - down) / (2 * step[k])
-        scale = max(float(np.abs(numeric).max()), 1e-3)
-        assert np.abs(jacobian[k] - numeric).max() < 0.06 * scale, k
+        numeric = -(up - down) / (2 * steps[k])
+        assert np.abs(jacobian[k] - numeric).max() < tolerances[k] * np.abs(numeric).max(), k
+
+
+def test_shapes_of_the_coarse_search_leave_the_rotation_out() -> None:
+    shapes = round_shape_grid()
+    assert np.abs(shapes[:, 1, 0]).max() < 1e-12
+    assert np.linalg.det(shapes).min() > 0
 
 
 @pytest.mark.parametrize("variant", KINDS, ids=lambda one: one.kind)
@@ -90,10 +99,10 @@ def test_refine_finds_the_centre(variant: Variant, noise: float) -> None:
     image = image + noise * np.random.default_rng(3).standard_normal(image.shape)
     gray = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     side = np.sqrt(44.0 * 30.0) / ROUND_SPAN
-    fit = refine(gray, (theta[:2] + np.array([1.0, -0.8]))[None], side * 1.1, variant.kind, focal_px=2000)
+    fit = refine(gray, (theta[:2] + np.array([1.0, -0.8]))[None], side * 1.1, variant.kind, focal_px=1e5)
     assert fit.converged[0]
     assert np.linalg.norm(fit.xy[0] - theta[:2]) < (0.05 if noise else 0.02)
-    assert fit.side_px[0] == pytest.approx(side, rel=0.05)
+    assert fit.side_px[0] == pytest.approx(side, rel=0.02)
     assert np.isfinite(fit.covariance).all()
 
 
@@ -123,6 +132,30 @@ def test_one_of_two_centres_is_the_circles(tilt_deg: float) -> None:
     errors = np.linalg.norm(both - true, axis=1)
     assert errors.min() < 1e-6
     assert np.linalg.norm(ellipse_center - true) > 0.1
+
+
+@pytest.mark.parametrize("kind", ["sift-range-dark", "sift-range-light"])
+@pytest.mark.parametrize("side", [40, 150])
+def test_a_discs_centre_is_at_one_of_two_places_which_its_covariance_holds(kind: str, side: float) -> None:
+    rng = np.random.default_rng(int(side))
+    squares = {"told": [], "guessed": []}
+    for tilt_deg in (0.0, 20.0, 40.0, 60.0) * 3:
+        seen = render_view(rng, VARIANTS[kind], side, tilt_deg)
+        gray = seen.noisy(rng, 1.0)
+        for name, focal in (("told", seen.focal_px), ("guessed", None)):
+            fit = refine(gray, seen.center_xy[None] + 0.3, side, kind, focal_px=focal)
+            error = fit.xy[0] - seen.center_xy
+            squares[name].append(error @ np.linalg.solve(fit.covariance[0, :2, :2], error))
+            if name == "told":
+                assert min(np.linalg.norm(error + fit.aside[0]), np.linalg.norm(error - fit.aside[0])) < 0.03
+    for each in squares.values():
+        assert 0.4 < np.mean(each) < 4  # 2 are right; 12 of χ²(2) have a mean in 0.8…3.7 with 98 %
+
+
+def test_of_patterns_that_show_their_perspective_the_centre_has_one_place() -> None:
+    seen = render_view(np.random.default_rng(1), VARIANTS["sift-dark"], 60, 40)
+    fit = refine(seen.noisy(np.random.default_rng(2), 0.0), seen.center_xy[None], 60.0, "sift-dark")
+    np.testing.assert_array_equal(fit.aside, [[0.0, 0.0]])
 
 
 def test_a_white_border_is_for_square_patterns() -> None:
