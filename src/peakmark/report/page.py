@@ -76,6 +76,12 @@ def cell(value: str | int | float | None) -> str:
     return f"{value:,}" if isinstance(value, int) else value
 
 
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str | int | float | None]]) -> str:
+    """Return a table in Markdown; cells as `cell` has them."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(map(cell, line)) + " |" for line in lines)
+
+
 def svg_uri(figure: Any) -> str:
     """Return a matplotlib figure as a data URI of an SVG image."""
     buffer = BytesIO()

@@ -28,7 +28,8 @@ def folder(tmp_path_factory):
 def test_a_run_leaves_rows_tables_figures_and_its_configuration(folder):
     result = json.loads((folder / "result.json").read_text())
     assert result["config"]["trials"] == 2
-    assert len(result["tables"]["The paper's claims"]) == 10
+    assert len(result["tables"]["The paper's claims"]) == 11
+    assert (folder / "tables.md").read_text("utf-8").startswith("## The paper's claims\n\n| claim of the paper | ")
     rows = list(csv.DictReader((folder / "rows.csv").open()))
     assert {r["detector"] for r in rows} == {"surf", "surf-paper", "sift", "builtins:len"}
     for name in (*(f"figure-{n}" for n in range(1, 7)), "exposure"):

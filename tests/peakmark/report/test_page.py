@@ -10,7 +10,17 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from peakmark.report import plots
-from peakmark.report.page import CaptionedImage, Section, Table, cell, jpeg_uri, svg_file_uri, svg_uri, write_report
+from peakmark.report.page import (
+    CaptionedImage,
+    Section,
+    Table,
+    cell,
+    jpeg_uri,
+    markdown_table,
+    svg_file_uri,
+    svg_uri,
+    write_report,
+)
 
 EVIL = '<script>alert("1")</script>'
 
@@ -64,3 +74,8 @@ def test_wide_images_are_scaled_down_and_others_kept(width: int, shown: int) -> 
     decoded = np.asarray(Image.open(BytesIO(content(jpeg_uri(image, 200)))))
     assert decoded.shape == (shown // 2, shown, 3)
     assert np.abs(decoded.reshape(-1, 3).mean(axis=0) - (200, 30, 30)).max() < 4
+
+
+def test_a_table_in_markdown_has_cells_as_people_read_them() -> None:
+    text = markdown_table(("name", "n"), [("a", 1234), ("b", None), ("c", 0.12345)])
+    assert text.splitlines() == ["| name | n |", "| --- | --- |", "| a | 1,234 |", "| b | – |", "| c | 0.1235 |"]

@@ -11,7 +11,7 @@ from peakmark.experiments.comparison.figures import UNITS as FIGURE_UNITS
 from peakmark.experiments.comparison.figures import WHAT, ComparisonFigures, Figure, Line, Topic, value_at
 from peakmark.experiments.comparison.frames import SWEEPS
 from peakmark.report import plots
-from peakmark.report.page import Section, Table, svg_uri, write_report
+from peakmark.report.page import Section, Table, markdown_table, svg_uri, write_report
 from peakmark.report.results import result_folder, write_json
 
 TITLE = "Markers, arrays, tags, rings and corners of one printed area"
@@ -170,12 +170,6 @@ def markdown(figures: ComparisonFigures) -> str:
     for title, head, rows in tables_of(figures):
         parts += [f"## {title}", markdown_table(head, rows)]
     return "\n\n".join(parts) + "\n"
-
-
-def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 @needs_extra

@@ -85,8 +85,7 @@ def _share(rate: Rate) -> float:
 def _claim_ditches(rows: Sequence[Row]) -> list[str]:
     curves = {pair: curve for pair in CLAIMED if (curve := select(rows, "scale", *pair))}
     texts = [
-        f"{_pair(*pair)}: {_seldom(curve)} at {runs_text(ditches(curve, _is_often_found))}, response below "
-        f"{100 * DITCH:.0f} % of both sides' at {', '.join(f'{x:g}' for x in weak_sizes(curve)) or 'none'}"
+        f"{_pair(*pair)}: {_missed(curve, runs_text(ditches(curve, _is_often_found)))}, {_weak(weak_sizes(curve))}"
         for pair, curve in curves.items()
     ]
     return [
@@ -97,8 +96,16 @@ def _claim_ditches(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _seldom(curve: Sequence[Row]) -> str:
-    return "not found" if _is_one_image(curve) else f"found in less than {100 * _OFTEN:.0f} %"
+def _missed(curve: Sequence[Row], where: str) -> str:
+    """Return in words where on a curve a marker is often missed; `where` is "none" without any."""
+    if where == "none":
+        return "found throughout"
+    return f"not found at {where}" if _is_one_image(curve) else f"found in less than {100 * _OFTEN:.0f} % at {where}"
+
+
+def _weak(sizes: Sequence[float]) -> str:
+    listed = ", ".join(f"{x:g}" for x in sizes)
+    return f"response below {100 * DITCH:.0f} % of both sides' at {listed}" if listed else "no ditch in the response"
 
 
 def _claim_rotation(rows: Sequence[Row]) -> list[str]:
@@ -136,9 +143,8 @@ def _tilt_text(rows: Sequence[Row], marker: str, detector: str) -> str:
         curve = select(rows, "tilt", marker, detector, sides_away(distance))
         beyond = [row.x for row in curve if (row.found.error.rms or 0.0) > TOLERANCE_PX]
         missed = ", ".join(f"{row.x:g}°" for row in curve if not _is_often_found(row))
-        text = (
-            f"beyond 3 px RMS {f'from {beyond[0]:g}°' if beyond else 'never'}, {_seldom(curve)} at {missed or 'none'}"
-        )
+        limit = f"beyond 3 px RMS from {beyond[0]:g}°" if beyond else "never beyond 3 px RMS"
+        text = f"{limit}, {_missed(curve, missed or 'none')}"
         texts.append(f"{sides_away(distance)}: {text if curve else 'not measured'}")
     return "; ".join(texts)
 

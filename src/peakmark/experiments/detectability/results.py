@@ -1,4 +1,4 @@
-"""Results of a run: rows.csv, envelope.csv, figures, report.html and result.json."""
+"""Results of a run: rows.csv, envelope.csv, figures, report.html, tables.md and result.json."""
 
 import csv
 from collections.abc import Sequence
@@ -13,12 +13,12 @@ from peakmark.experiments.detectability.points import DetectabilityConfig
 from peakmark.experiments.detectability.tables import envelope_lines, envelope_table, gains_table
 from peakmark.experiments.detectability.trials import Row
 from peakmark.report import plots
-from peakmark.report.page import Section, Table, svg_file_uri, write_report
+from peakmark.report.page import Section, Table, markdown_table, svg_file_uri, write_report
 from peakmark.report.results import result_folder, write_json
 
 
 def write_results(out: Path, config: DetectabilityConfig, rows: Sequence[Row]) -> None:
-    """Write rows.csv, envelope.csv, figures, report.html and result.json."""
+    """Write rows.csv, envelope.csv, figures, report.html, tables.md (the report's tables) and result.json."""
     tables = {
         "The paper's claims": claims_table(rows),
         "Operating envelope": envelope_table(rows),
@@ -38,6 +38,8 @@ def write_results(out: Path, config: DetectabilityConfig, rows: Sequence[Row]) -
         sections += [Section("Faults of detectors", table=faults)] if faults.rows else []
         title = "Detectability of SIFT and SURF markers"
         write_report(folder / "report.html", title, lead(config), sections)
+        texts = [f"## {name}\n\n{markdown_table(table.head, table.rows)}\n" for name, table in tables.items()]
+        (folder / "tables.md").write_text("\n".join(texts), encoding="utf-8")
         plain = {title: [dict(zip(t.head, row, strict=True)) for row in t.rows] for title, t in tables.items()}
         write_json(folder / "result.json", {"config": asdict(config), "points": len(rows), "tables": plain})
 

@@ -1,7 +1,13 @@
 import pytest
 
 from peakmark.errors import InputError
-from peakmark.experiments.detectability.points import EXPERIMENTS, PAPER_EXPERIMENTS, DetectabilityConfig, points
+from peakmark.experiments.detectability.points import (
+    EXPERIMENTS,
+    OF_VLFEAT,
+    PAPER_EXPERIMENTS,
+    DetectabilityConfig,
+    points,
+)
 
 
 def test_points_have_unique_names_and_every_thins_them():
@@ -42,13 +48,13 @@ def test_thinned_sizes_keep_those_next_to_the_seams():
     assert {8.54, 18.63} <= sigmas
 
 
-def test_vlfeat_takes_part_in_all_but_the_map_where_it_is_installed(monkeypatch):
+def test_vlfeat_takes_part_in_the_papers_experiments_where_it_is_installed(monkeypatch):
     def vlfeat_points():
         everything = points(DetectabilityConfig())
         return {(p.experiment, p.condition.marker) for p in everything if "vlfeat" in p.detectors}
 
     monkeypatch.setattr("peakmark.experiments.detectability.points.find_spec", lambda name: object())
-    assert vlfeat_points() == {(name, "sift-dark") for name in EXPERIMENTS if name != "map"}
+    assert vlfeat_points() == {(name, "sift-dark") for name in OF_VLFEAT}
     monkeypatch.setattr("peakmark.experiments.detectability.points.find_spec", lambda name: None)
     assert vlfeat_points() == set()
 
