@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.arrays.lattice import SIZE_RATIO, MarkerShapes
-from peakmark.arrays.look import AROUND, Sighting, correlation_at, look_around, probability_of
+from peakmark.arrays.look import AROUND, OF_SURF, Print, Sighting, correlation_at, look_around, probability_of
 from peakmark.identification.detection import Detection, pattern_name
 from peakmark.refine.api import refine
 
@@ -31,19 +31,25 @@ _LIKE_SHAPE = 0.25
 
 
 def complete(
-    gray: NDArray[np.uint8], seen: MarkerShapes, known: Set[int], around: Set[int], pitch: float
+    gray: NDArray[np.uint8],
+    found: Sequence[Detection],
+    seen: MarkerShapes,
+    known: Set[int],
+    around: Set[int],
+    pitch: float,
 ) -> tuple[list[int], tuple[Detection, ...]]:
     """Return the markers that stay, and those that the image shows beside them; what is in the way of these goes.
 
-    Only measured shapes tell where to look. `known` are indices beside which nothing is missing, `around` those beside
-    which to look; `pitch` is the distance of neighbours in sides. What is added has id −1, rank 0, no response, and its
-    probability.
+    Only measured shapes tell where to look; of round ones two neighbours tell the rotation, which neither shows alone.
+    `known` are indices beside which nothing is missing, `around` those beside which to look; `pitch` is the distance of
+    neighbours in sides. What is added has id −1, rank 0, no response, and its probability.
     """
+    beside = [k for k in sorted(around - known) if seen.is_measured[k]]
+    turned = _turned(seen, known, set(beside), pitch) if seen.is_round else [(k, seen.shapes[k]) for k in beside]
     sightings = [
         sighting
-        for k in sorted(around - known)
-        if seen.is_measured[k]
-        for sighting in look_around(gray, seen.xy[k], seen.shapes[k], pitch).values()
+        for k, shape in turned
+        for sighting in look_around(gray, seen.xy[k], shape, pitch, _print_of(found[k])).values()
         if sighting.probability >= LIKELY and not _is_at(sighting, seen)
     ]
     sightings.sort(key=lambda s: -s.correlation)
@@ -57,6 +63,28 @@ def complete(
     hidden = {int(k) for sighting in clear for k in np.flatnonzero(_overlaps(sighting, seen.xy))}
     kept = [k for k in range(len(seen.xy)) if k in known or k not in hidden]
     return kept, tuple(_detection(gray, sighting) for sighting in added)
+
+
+def _print_of(found: Detection) -> Print:
+    """Return what stands beside a marker; SURF's binary markers are looked for as its others."""
+    return OF_SURF if found.made_for == "surf" else Print(found.made_for, found.limit)
+
+
+def _turned(
+    seen: MarkerShapes, known: Set[int], beside: Set[int], pitch: float
+) -> list[tuple[int, NDArray[np.float64]]]:
+    """Return round markers that have a neighbour, and their shapes (2, 2) with the rotation that this one tells."""
+    turned = []
+    for i, j in pairs(seen, known, pitch):
+        if not {i, j} & beside:
+            continue
+        for k, towards in ((i, seen.xy[j] - seen.xy[i]), (j, seen.xy[i] - seen.xy[j])):
+            u = np.linalg.solve(seen.shapes[k], towards)
+            is_diagonal = np.linalg.norm(u) > (1 + np.sqrt(2)) / 2 * pitch
+            angle = np.arctan2(u[1], u[0]) - is_diagonal * np.pi / 4
+            c, s = np.cos(angle), np.sin(angle)
+            turned.append((k, seen.shapes[k] @ np.array([[c, -s], [s, c]])))
+    return turned
 
 
 def _is_at(sighting: Sighting, seen: MarkerShapes) -> bool:
@@ -73,9 +101,12 @@ def _overlaps(sighting: Sighting, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
     """Return what is seen as a detection, aligned with the printed pattern where that succeeds near."""
-    fit = refine(gray, [sighting.xy], sighting.side_px, pattern_name(sighting.polarity, "energy"))
+    printed = sighting.printed
+    pattern = pattern_name(sighting.polarity, printed.limit, printed.made_for)
+    fit = refine(gray, [sighting.xy], sighting.side_px, pattern)
     near = bool(fit.converged[0]) and np.linalg.norm(fit.xy[0] - sighting.xy) < SAME_PLACE / 2 * sighting.side_px
-    aligned = correlation_at(gray, fit.xy[0], fit.affine[0], sighting.polarity) if near else -1.0
+    shape = _turned_like(fit.affine[0], sighting.affinity) if printed.made_for == "sift" and near else fit.affine[0]
+    aligned = correlation_at(gray, fit.xy[0], shape, sighting.polarity, printed) if near else -1.0
     return Detection(
         id=-1,
         xy=fit.xy[0] if near else sighting.xy,
@@ -84,10 +115,18 @@ def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
         response=0.0,
         signature_distance=np.nan,
         rank=0,
-        affinity=fit.affine[0] if near else sighting.affinity,
+        affinity=shape if near else sighting.affinity,
         explained=float(fit.explained[0]) if near else None,
-        probability=probability_of(max(aligned, sighting.correlation)),
+        probability=probability_of(max(aligned, sighting.correlation), printed),
+        limit=printed.limit,
+        made_for=printed.made_for,
     )
+
+
+def _turned_like(shape: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the shape (2, 2) of a round marker in that rotation in which it is nearest to another one."""
+    left, _, right = np.linalg.svd(np.linalg.solve(shape, other))
+    return np.asarray(shape @ left @ right)
 
 
 def are_alike(seen: MarkerShapes, members: Sequence[int], pitch: float) -> bool:
@@ -115,9 +154,21 @@ def _misfit(seen: MarkerShapes, i: int, j: int, pitch: float) -> float:
     if abs(np.log(ratio)) > np.log(SIZE_RATIO):
         return np.inf
     turn = np.linalg.solve(seen.shapes[i], seen.shapes[j]) * ratio
+    if seen.is_round:
+        return _misfit_of_round(seen, i, j, turn, pitch)
     quarters = [turn @ np.linalg.matrix_power([[0, -1], [1, 0]], k) for k in range(4)]
     if min(float(np.abs(q - np.eye(2)).max()) for q in quarters) > _LIKE_SHAPE:
         return np.inf
     gap = seen.xy[j] - seen.xy[i]
     u = (np.linalg.solve(seen.shapes[i], gap) + np.linalg.solve(seen.shapes[j], gap)) / 2  # perspective cancels
     return float(np.linalg.norm(u - pitch * np.array(AROUND), axis=1).min())
+
+
+def _misfit_of_round(seen: MarkerShapes, i: int, j: int, turn: NDArray[np.float64], pitch: float) -> float:
+    """Return the same of round markers, by their distance; `turn` (2, 2) is one shape in terms of the other."""
+    longest, shortest = np.linalg.svd(turn, compute_uv=False)
+    if max(longest - 1, 1 - shortest) > _LIKE_SHAPE:
+        return np.inf
+    gap = seen.xy[j] - seen.xy[i]
+    away = sum(float(np.linalg.norm(np.linalg.solve(seen.shapes[k], gap))) for k in (i, j)) / 2
+    return min(abs(away - pitch), abs(away - np.sqrt(2) * pitch))

@@ -122,20 +122,15 @@ def decode_arrays(
 def _decode_seen(
     found: Sequence[Detection], markers: MarkerShapes, layout: Layout, gray: NDArray[np.uint8]
 ) -> tuple[MarkerArray, ...]:
-    """Return the arrays of an image, with members that the search missed, and pairs that lack a third marker.
-
-    Members are looked for, and pairs told, among SURF's markers alone: it takes the rotation that they show.
-    """
+    """Return the arrays of an image, with members that the search missed, and pairs that lack a third marker."""
     size, around = (gray.shape[1], gray.shape[0]), set(range(len(found)))
-    if markers.is_round:
-        return _decode(found, markers, layout, size, gray)
     for _ in range(_ROUNDS):
         arrays = _decode(found, markers, layout, size, gray)
         read = [array.detections for array in arrays if array.code is not None]
         rows = {id(d): k for k, d in enumerate(found)}
         groups = [[rows[id(d)] for d in members] for members in read]
         known = {k for group in groups if are_alike(markers, group, layout.pitch) for k in group}
-        kept, added = complete(gray, markers, known, around, layout.pitch)
+        kept, added = complete(gray, found, markers, known, around, layout.pitch)
         if not added:
             break
         found, markers = (*(found[k] for k in kept), *added), _joined(markers, kept, _shapes_of(added, None))
@@ -152,6 +147,7 @@ def _joined(markers: MarkerShapes, kept: list[int], added: MarkerShapes) -> Mark
         np.concatenate([markers.xy[kept], added.xy]),
         np.concatenate([markers.shapes[kept], added.shapes]),
         np.concatenate([markers.is_measured[kept], added.is_measured]),
+        markers.is_round,
     )
 
 

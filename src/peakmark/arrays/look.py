@@ -8,22 +8,35 @@ marker anywhere: blur, noise and light that hide it from the search leave it pla
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.arrays.lattice import Cell
-from peakmark.markers.patterns import Polarity, surf_cells
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Made, Polarity, Variant, marker_image
 
 AROUND: tuple[Cell, ...] = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
 """Cells of the lattice around a marker."""
 
-EVIDENCE = (-41.8, 50.0)
+
+class Print(NamedTuple):
+    """Which markers an array is printed of, light and dark."""
+
+    made_for: Made = "surf"
+    limit: Limit = "energy"
+
+
+OF_SURF = Print()
+"""The paper's."""
+
+EVIDENCE: dict[Made, tuple[float, float]] = {"surf": (-41.8, 50.0), "sift": (-41.8, 50.0)}
 """Offset of the log odds that a marker stands where one should, and their slope by correlation. Set by hand, between
-what was measured: paper and walls stay below 0.87 (1344 looks), plain discs and squares in its place reach 0.89,
-markers 0.92 and more in nine of ten hard views (1001 looks); 0.93 is a probability of 0.99."""
+what was measured. Of SURF's, paper and walls stay below 0.87 (1344 looks), plain discs and squares in its place reach
+0.89, markers 0.92 and more in nine of ten hard views (1001 looks); 0.93 is a probability of 0.99. Of SIFT's, walls
+stay below 0.83 (302 looks), markers of 15…42 px at up to 62° reach 0.9 and more (108); a dot there is one."""
 
 REACH = 0.25
 """A marker may stand this far from where it should, in sides: perspective and the errors of a shape."""
@@ -60,6 +73,8 @@ class Sighting:
     """(2, 2) px per side there."""
     polarity: Polarity
     """Of the pattern that correlates better."""
+    printed: Print
+    """The two patterns."""
     correlation: float
     """With it, −1…1."""
 
@@ -71,12 +86,13 @@ class Sighting:
     @property
     def probability(self) -> float:
         """That a marker stands there."""
-        return probability_of(self.correlation)
+        return probability_of(self.correlation, self.printed)
 
 
-def probability_of(correlation: float) -> float:
+def probability_of(correlation: float, printed: Print) -> float:
     """Return how probable a marker is where one should stand and its pattern correlates so well."""
-    return float(1 / (1 + np.exp(-(EVIDENCE[0] + EVIDENCE[1] * correlation))))
+    offset, slope = EVIDENCE[printed.made_for]
+    return float(1 / (1 + np.exp(-(offset + slope * correlation))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,18 +117,23 @@ class _Softened:
 
 
 def look_around(
-    gray: NDArray[np.uint8], xy: NDArray[np.float64], affinity: NDArray[np.float64], pitch: float
+    gray: NDArray[np.uint8],
+    xy: NDArray[np.float64],
+    affinity: NDArray[np.float64],
+    pitch: float,
+    printed: Print = OF_SURF,
 ) -> dict[Cell, Sighting]:
     """Return what is seen in the cells around a marker, those outside the (H, W) image left out.
 
-    `xy` (2,) px and `affinity` (2, 2) px per side are the marker's, `pitch` the distance of neighbours in sides.
+    `xy` (2,) px and `affinity` (2, 2) px per side are the marker's, rotation included; `pitch` is the distance of
+    neighbours in sides.
     """
     tilts = tuple(_tilts(affinity, float(max(gray.shape)), pitch))
     square = (pitch + _HALF + REACH) * _CORNERS
     soft = _softened(gray, affinity, np.concatenate([_projected(xy, affinity, tilt, square)[0] for tilt in tilts]))
     best: dict[Cell, Sighting] = {}
     for tilt in tilts:
-        for cell, sighting in _sightings(soft, xy, affinity, tilt, pitch):
+        for cell, sighting in _sightings(soft, xy, affinity, tilt, pitch, printed):
             if cell not in best or sighting.correlation > best[cell].correlation:
                 best[cell] = sighting
     return {cell: _without_cover(soft, sighting) for cell, sighting in best.items()}
@@ -123,7 +144,8 @@ def _without_cover(soft: _Softened, sighting: Sighting) -> Sighting:
     if not _OPEN[0] < sighting.correlation < _OPEN[1]:
         return sighting
     place = soft.at(_projected(sighting.xy, sighting.affinity, np.zeros(2), _GRID)[0])
-    pattern, cut = template(sighting.polarity), round(_EDGE * len(template(sighting.polarity)))
+    pattern = template(sighting.polarity, sighting.printed)
+    cut = round(_EDGE * len(pattern))
     best = sighting
     for turns in range(4):
         shift, correlation = _best_shift(np.rot90(place, turns)[:, cut:], np.rot90(pattern, turns)[:, cut:])
@@ -134,13 +156,13 @@ def _without_cover(soft: _Softened, sighting: Sighting) -> Sighting:
 
 
 def correlation_at(
-    gray: NDArray[np.uint8], xy: NDArray[np.float64], affinity: NDArray[np.float64], polarity: Polarity
+    gray: NDArray[np.uint8], xy: NDArray[np.float64], affinity: NDArray[np.float64], polarity: Polarity, printed: Print
 ) -> float:
     """Return how well a marker's pattern correlates with the image at a centre and under a shape."""
     count = round(_HALF * _SIDE_TEXELS)
     line = np.arange(-count, count + 1) / _SIDE_TEXELS
     px, _ = _projected(xy, affinity, np.zeros(2), np.stack(np.meshgrid(line, line), axis=-1))
-    return _best_shift(_softened(gray, affinity, px.reshape(-1, 2)).at(px), template(polarity))[1]
+    return _best_shift(_softened(gray, affinity, px.reshape(-1, 2)).at(px), template(polarity, printed))[1]
 
 
 def _softened(gray: NDArray[np.uint8], affinity: NDArray[np.float64], px: NDArray[np.float64]) -> _Softened:
@@ -168,7 +190,12 @@ def _tilts(affinity: NDArray[np.float64], focal_px: float, pitch: float) -> Iter
 
 
 def _sightings(
-    soft: _Softened, xy: NDArray[np.float64], affinity: NDArray[np.float64], tilt: NDArray[np.float64], pitch: float
+    soft: _Softened,
+    xy: NDArray[np.float64],
+    affinity: NDArray[np.float64],
+    tilt: NDArray[np.float64],
+    pitch: float,
+    printed: Print,
 ) -> Iterator[tuple[Cell, Sighting]]:
     """Yield the best position in each cell around a marker, under one perspective."""
     reach = REACH + 1 / _SIDE_TEXELS
@@ -181,11 +208,11 @@ def _sightings(
             continue
         place = soft.at(px)
         for polarity in get_args(Polarity):
-            shift, correlation = _best_shift(place, template(polarity))
+            shift, correlation = _best_shift(place, template(polarity, printed))
             u = middle + shift
             center, w = _projected(xy, affinity, tilt, u)
             shape = (affinity - np.outer(center - xy, tilt)) / w
-            yield cell, Sighting(center, shape, polarity, correlation)
+            yield cell, Sighting(center, shape, polarity, printed, correlation)
 
 
 _LINE = np.arange(round(-(_HALF + 0.2) * _SIDE_TEXELS), round((_HALF + 0.2) * _SIDE_TEXELS) + 1) / _SIDE_TEXELS
@@ -221,10 +248,10 @@ def _vertex(scores: NDArray[np.float64], k: int) -> float:
 
 
 @cache
-def template(polarity: Polarity) -> NDArray[np.float32]:
+def template(polarity: Polarity, printed: Print = OF_SURF) -> NDArray[np.float32]:
     """Return (n, n) levels of a softened marker on white, n odd, `_SIDE_TEXELS` a side, its centre in the middle."""
     fine = 9 * _SIDE_TEXELS
-    levels = np.kron((surf_cells(polarity) / 255.0) ** _TONE, np.ones((_SIDE_TEXELS, _SIDE_TEXELS)))
+    levels = (marker_image(fine, Variant(polarity, printed.limit, printed.made_for)) / 255.0) ** _TONE
     soft = cv2.GaussianBlur(np.pad(levels, fine, constant_values=1.0), (0, 0), _BLUR * fine)
     count = round(_HALF * _SIDE_TEXELS)
     at = (3 * fine - 1) / 2 + 9 * np.arange(-count, count + 1)

@@ -1,7 +1,8 @@
 """The command that evaluates `identify` and its peers on a folder of images."""
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 from typer import Argument, Option
 
@@ -11,8 +12,9 @@ from peakmark.cli.terminal import FIGURES_WITH_INTERVALS, new_console, print_pat
 from peakmark.experiments.images.evaluation import evaluate_folder, summarise
 from peakmark.experiments.images.peers import PEERS
 from peakmark.experiments.images.results import HEAD, figure_rows, rate_rows, write_evaluation
-from peakmark.experiments.images.truth import read_set
+from peakmark.experiments.images.truth import Sought, read_set
 from peakmark.experiments.journal import Journal
+from peakmark.markers.optimum import Limit
 
 
 @examples(
@@ -26,6 +28,8 @@ def evaluate_images(
     peers: Annotated[
         bool, Option("--peers", help="Also AprilTag's own library and OpenCV's on the tags in the images.")
     ] = False,
+    detector: Annotated[str, Option(help="surf, sift, vlfeat or surf-disc: whose markers are looked for.")] = "surf",
+    limit: Annotated[str | None, Option(help="energy, range (binary markers; for sift discs) or both.")] = None,
     workers: Annotated[int, Option(help="Processes.")] = 1,
     seed: UnusedSeed = 0,
     quiet: Quiet = False,
@@ -35,12 +39,14 @@ def evaluate_images(
     Writes report.html with shares by size, tilt, condition and sensor and every fault as a crop, rates.png and
     result.json; an interrupted run resumes.
     """
-    images = read_set(folder)
+    sought = Sought(detector, cast(Limit | None, limit))
+    images = read_set(folder, sought)
     chosen = PEERS if peers else ()
-    journal = Journal.open(out, {"folder": str(folder.resolve()), "images": len(images.images), "peers": list(chosen)})
+    settings = {"folder": str(folder.resolve()), "images": len(images.images), "peers": list(chosen)}
+    journal = Journal.open(out, settings | asdict(sought))
     console = new_console(quiet)
     with resumable(), progress_bar(console, "identify") as bar:
-        outcomes = evaluate_folder(folder, chosen, journal, workers, bar.show)
+        outcomes = evaluate_folder(folder, chosen, journal, workers, bar.show, sought)
     found = summarise(images.images, outcomes)
     write_evaluation(out, str(folder), images, outcomes, found)
     journal.remove()

@@ -13,6 +13,7 @@ from peakmark.experiments.journal import Journal
 from peakmark.experiments.search import kinds
 from peakmark.experiments.search.centers import CentersConfig, measure_centers
 from peakmark.experiments.search.kinds import KindsConfig
+from peakmark.experiments.search.places import Place
 from peakmark.experiments.search.sweeps import SweepConfig, run_sweeps
 from peakmark.experiments.search.training import SearchTrainingConfig, collect_evidence, result_rows, train, write_model
 from peakmark.identification.families import FAMILIES
@@ -78,27 +79,36 @@ def evaluate_search(
     print_path(console, out / "result.json", "Result")
 
 
-@examples("python scripts/compare_kinds.py --workers 2", "python scripts/compare_kinds.py --frames 4 --out out/quick")
+@examples(
+    "python scripts/compare_kinds.py --place floors --place rooms --workers 2",
+    "python scripts/compare_kinds.py --frames 4 --out out/quick",
+)
 def compare_kinds(
     out: Out = Path("out/kinds"),
-    frames: Annotated[int, Option(help="Frames, of twelve markers each.")] = KindsConfig.frames,
+    frames: Annotated[int, Option(help="Frames of each place.")] = KindsConfig.frames,
     seed: Annotated[int, Option(help="Seed of the frames.")] = KindsConfig.seed,
+    place: Annotated[
+        list[str] | None, Option(help="sheets, floors or rooms; may be repeated. [default: sheets]")
+    ] = None,
     workers: Annotated[int, Option(help="Processes.")] = 1,
     quiet: Quiet = False,
 ) -> None:
     """Compare SURF's marker, SIFT's and the disc in the same frames of photographs that nothing was trained on.
 
-    Writes result.json, with 95 % intervals; an interrupted run resumes.
+    Sheets are twelve markers in even light; floors and rooms are random, with arrays, lamps, other cameras and noise.
+    Writes result.json, with 95 % intervals; an interrupted run resumes, and one with more frames takes what is there.
     """
-    config = KindsConfig(frames, seed)
+    config = KindsConfig(frames, seed, tuple(cast(list[Place], place)) if place else KindsConfig.places)
     console = new_console(quiet)
-    journal = Journal.open(out, asdict(config))
+    journal = Journal.open(out, {"seed": seed})
     with resumable(), progress_bar(console, "render, identify") as bar:
         rows = kinds.compare_kinds(config, journal, workers, bar.show)
     with result_folder(out) as folder:
-        write_json(folder / "result.json", {"config": asdict(config), "kinds": rows})
+        write_json(
+            folder / "result.json", {"config": asdict(config), "kinds": rows, "faults": kinds.faults(config, journal)}
+        )
     for row in rows:
-        title = f"{row['detector']}, {row['limit']}"
+        title = f"{row['place']}: {row['detector']}, {row['limit']}"
         print_table(console, title, FIGURES, [(key, _shown(value)) for key, value in row.items() if key not in _TITLE])
     print_path(console, out / "result.json", "Result")
 
@@ -131,7 +141,7 @@ def evaluate_centers(
     print_path(console, out / "result.json", "Result")
 
 
-_TITLE = ("detector", "limit", "kind", "way", "noise")
+_TITLE = ("place", "detector", "limit", "groups", "kind", "way", "noise")
 
 
 def _shown(value: Any) -> Any:

@@ -38,7 +38,8 @@ BATCH = 64
 """Candidates that are aligned together, by falling worth."""
 
 PRODUCTIVE = 1 / 6
-"""Share of a batch that must be markers for the next one to be aligned."""
+"""Share of a batch that must be markers for the next one to be aligned; or one in its latter half, behind which more
+may be, as where a sky's stars are as good candidates."""
 
 USUAL = tuple(Variant(polarity) for polarity in get_args(Polarity))
 """The markers that are looked for unless the caller says: those of the paper."""
@@ -142,13 +143,14 @@ def _aligned(
 
 def _productive(gray: NDArray[np.uint8], batches: Iterator[Alignments]) -> Alignments:
     """Return the alignments of as many batches as add markers."""
-    found, count = next(batches), 0
-    while (markers := len(_markers(gray, found, _likely(found)))) - count >= PRODUCTIVE * BATCH:
-        more = next(batches, None)
+    found, first, count = next(batches), 0, 0
+    while True:
+        rows = _markers(gray, found, _likely(found))
+        is_late = found.aligned.rows[rows[rows >= first]] >= BATCH // 2
+        more = next(batches, None) if len(rows) - count >= PRODUCTIVE * BATCH or is_late.any() else None
         if more is None:
-            break
-        found, count = _joined((found, more)), markers
-    return found
+            return found
+        first, count, found = len(found.variants), len(rows), _joined((found, more))
 
 
 def _likely(found: Alignments) -> NDArray[np.float64]:

@@ -9,10 +9,12 @@ from peaksim.geometry.pose import Pose
 from peaksim.rendering import render
 from peaksim.scene.scene import Quad, Scene
 from peaksim.scene.texture import Texture
+from scipy.linalg import sqrtm
 
+from peakmark.arrays.look import OF_SURF, Print
 from peakmark.identification.detection import Detection
 from peakmark.markers.array_code import THREE_BIT, Layout, polarities_of
-from peakmark.markers.patterns import surf_marker
+from peakmark.markers.patterns import Variant, marker_image
 from tests.peakmark.arrays.arrays_scene import SIDE_M, detections, printed_array
 
 VIEW = Camera(width=360, height=270, fx=400.0, fy=400.0, cx=179.5, cy=134.5)
@@ -20,13 +22,15 @@ _TEXELS = 72
 _MARGIN = 0.75
 
 
-def paper(code: int, layout: Layout = THREE_BIT) -> NDArray[np.uint8]:
+def paper(code: int, layout: Layout = THREE_BIT, printed: Print = OF_SURF) -> NDArray[np.uint8]:
     """Return an array on white paper, 72 texels a side, with a margin of ¾ of a side."""
     columns, rows = (1 + layout.pitch * (n - 1) + 2 * _MARGIN for n in (layout.columns, layout.rows))
     sheet = np.full((round(rows * _TEXELS), round(columns * _TEXELS)), 255, np.uint8)
     for (column, row), polarity in zip(layout.cells, polarities_of(code, layout), strict=True):
         left, top = (round((_MARGIN + layout.pitch * k) * _TEXELS) for k in (column, row))
-        sheet[top : top + _TEXELS, left : left + _TEXELS] = surf_marker(_TEXELS, polarity)
+        sheet[top : top + _TEXELS, left : left + _TEXELS] = marker_image(
+            _TEXELS, Variant(polarity, printed.limit, printed.made_for)
+        )
     return sheet
 
 
@@ -37,7 +41,12 @@ def view(sheet: NDArray[np.uint8], world_from_camera: Pose) -> NDArray[np.uint8]
     return np.asarray(render(Scene((quad,)), VIEW, world_from_camera, renderer="exact").image)
 
 
-def true_detections(code: int, world_from_camera: Pose, layout: Layout = THREE_BIT) -> list[Detection]:
-    """Return what a perfect search finds, in reading order."""
+def true_detections(
+    code: int, world_from_camera: Pose, layout: Layout = THREE_BIT, printed: Print = OF_SURF
+) -> list[Detection]:
+    """Return what a perfect search finds, in reading order; those of round markers show no rotation."""
     found, shapes = detections(printed_array(code, layout=layout), world_from_camera, camera=VIEW)
-    return [replace(d, affinity=shape) for d, shape in zip(found, shapes, strict=True)]
+    if printed.made_for == "sift":
+        shapes = [np.real(sqrtm(shape @ shape.T)) for shape in shapes]
+    kind = {"made_for": printed.made_for, "limit": printed.limit}
+    return [replace(d, affinity=shape, **kind) for d, shape in zip(found, shapes, strict=True)]  # type: ignore[arg-type]

@@ -7,9 +7,10 @@ import pytest
 
 from peakmark import decode_arrays
 from peakmark.arrays.complete import CLEAR
-from peakmark.arrays.look import look_around
+from peakmark.arrays.look import Print, look_around
 from peakmark.identification.detection import Detection
 from peakmark.markers.array_code import Layout
+from peakmark.markers.optimum import Limit
 from tests.peakmark.arrays.arrays_scene import facing_wall
 from tests.peakmark.arrays.rendered import paper, true_detections, view
 
@@ -28,6 +29,27 @@ def test_an_array_is_read_from_one_or_two_of_its_markers(left: tuple[int, ...], 
         for k, (member, truth) in enumerate(zip(array.detections, members, strict=True)):
             assert (member.rank == 0) == (k not in left)
             assert np.linalg.norm(member.xy - truth.xy) < 0.05
+
+
+@pytest.mark.parametrize("limit", ["energy", "range"])
+@pytest.mark.parametrize("tilt", [0, 40, 60])
+@pytest.mark.parametrize("left", [(0, 1), (0, 2), (1, 2)])
+def test_an_array_of_round_markers_is_read_from_two_of_them(left: tuple[int, ...], tilt: float, limit: Limit) -> None:
+    printed = Print("sift", limit)
+    for code in (2, 5):
+        pose = facing_wall(0.6, tilt, 30 * code, 100 + tilt)
+        image, members = view(paper(code, printed=printed), pose), true_detections(code, pose, printed=printed)
+        (array,) = decode_arrays([members[k] for k in left], image=image)
+        assert (array.code, array.doubt) == (code, "")
+        for k, (member, truth) in enumerate(zip(array.detections, members, strict=True)):
+            assert (member.rank == 0, member.kind) == (k not in left, truth.kind)
+            assert np.linalg.norm(member.xy - truth.xy) < 0.1
+
+
+def test_one_round_marker_does_not_tell_where_others_are() -> None:
+    printed = Print("sift")
+    image, members = view(paper(5, printed=printed), POSE), true_detections(5, POSE, printed=printed)
+    assert decode_arrays(members[:1], image=image) == ()
 
 
 def test_without_the_image_nothing_is_looked_for() -> None:

@@ -6,7 +6,7 @@ Rooms of the two splits share no photograph, no camera and no kind of noise.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -35,6 +35,21 @@ PHOTOGRAPHS: Mapping[Split, tuple[str, ...]] = {
     ),
 }
 """See `load_photograph`."""
+
+
+class Printed(NamedTuple):
+    """What posters with markers are printed with."""
+
+    dark: str = "surf-dark"
+    light: str = "surf-light"
+    """Kinds of the markers."""
+    darkest_paper: float = 225.0
+    """Least level of the paper, up to 255; what is white in a marker has 255, so that below it the paper is darker."""
+
+
+SURF = Printed()
+"""The paper's markers."""
+
 
 WIDE, TALL = (3.8, 6.0), (2.4, 3.0)
 """Ranges of a room's width and depth, and of its height, metres: living rooms that hold a distance of 4 m."""
@@ -79,10 +94,10 @@ class Room:
     """Names of the quads that carry one 3-bit array."""
 
 
-def random_room(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]]) -> Room:
+def random_room(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], printed: Printed = SURF) -> Room:
     """Return a room with photographic walls, each of the eight arrays once, other posters and furniture.
 
-    In half of the rooms all arrays hang on one wall.
+    In half of the rooms all arrays hang on one wall. Of two rooms with equal generators only what is printed differs.
     """
     size = np.array([*rng.uniform(*WIDE, 2), rng.uniform(*TALL)])
     papers = {name: _paper(rng, photos) for name in ("floor", "ceiling", "x0", "x1", "y0", "y1")}
@@ -93,9 +108,9 @@ def random_room(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]
     if rng.random() < 0.5:
         wall = slots[-1].normal
         slots.sort(key=lambda slot: slot.normal == wall)
-    posters = [_array_poster(rng, code, slots.pop()) for code in range(8)]
+    posters = [_array_poster(rng, code, slots.pop(), printed) for code in range(8)]
     slots = [slots[i] for i in rng.permutation(len(slots))]
-    others = [quad for k in range(len(slots) // 3) for quad in _other_poster(rng, k, slots.pop(), photos)]
+    others = [quad for k in range(len(slots) // 3) for quad in _other_poster(rng, k, slots.pop(), photos, printed)]
     quads = (*scene_build.room_quads(table, papers), *posters, *others)
     scene = Scene(quads, tuple(_furniture(rng, size)))
     return Room(scene, np.zeros(3), size, tuple(quad.name for quad in posters))
@@ -136,22 +151,34 @@ def _slots(rng: np.random.Generator, size: NDArray[np.float64]) -> list[_Slot]:
     return [found[i] for i in rng.permutation(len(found))]
 
 
-def _array_poster(rng: np.random.Generator, code: int, slot: _Slot) -> Quad:
+def _array_poster(rng: np.random.Generator, code: int, slot: _Slot, printed: Printed) -> Quad:
     side_m = float(rng.uniform(*SIDE_M))
+    return _hung(rng, slot, f"array{code}", array_rows(code), side_m, 1.5, printed)[0]
+
+
+def array_rows(code: int) -> tuple[str, ...]:
+    """Return the rows of a poster with one 3-bit array."""
     first, second, third = ("L" if p == "light" else "D" for p in polarities_of(code))
-    return _hung(rng, slot, f"array{code}", (f".{first}", second + third), side_m, 1.5)[0]
+    return f".{first}", second + third
 
 
 def _hung(
-    rng: np.random.Generator, slot: _Slot, name: str, rows: tuple[str, ...], side_m: float, pitch: float
+    rng: np.random.Generator,
+    slot: _Slot,
+    name: str,
+    rows: tuple[str, ...],
+    side_m: float,
+    pitch: float,
+    printed: Printed,
 ) -> list[Quad]:
     """Return a poster of markers in a slot, a little askew, on paper that is not quite white."""
     table = schema.PosterTable(
         name=name,
         rows=rows,
+        kinds={"D": printed.dark, "L": printed.light},
         side_m=side_m,
         pitch_m=pitch * side_m,
-        level=float(rng.uniform(225, 255)),
+        level=float(rng.uniform(printed.darkest_paper, 255)),
         center_m=slot.center_m,
         normal=slot.normal,
         turn_deg=float(rng.uniform(-8, 8)),
@@ -160,7 +187,7 @@ def _hung(
 
 
 def _other_poster(
-    rng: np.random.Generator, number: int, slot: _Slot, photos: Mapping[str, NDArray[np.uint8]]
+    rng: np.random.Generator, number: int, slot: _Slot, photos: Mapping[str, NDArray[np.uint8]], printed: Printed
 ) -> Sequence[Quad]:
     """Return a photograph, or foreign markers: one alone, a block without a blank corner, a dense sheet."""
     kind = rng.choice(["photograph", "photograph", "photograph", "single", "block", "dense"])
@@ -175,7 +202,7 @@ def _other_poster(
     columns, rows = {"single": (1, 1), "block": (2, 2), "dense": (5, 7)}[str(kind)]
     side = 0.028 if kind == "dense" else side
     grid = tuple("".join(rng.choice(["D", "L"], columns)) for _ in range(rows))
-    return _hung(rng, slot, f"{kind}{number:02d}", grid, side, 1.25 if kind == "dense" else 1.5)
+    return _hung(rng, slot, f"{kind}{number:02d}", grid, side, 1.25 if kind == "dense" else 1.5, printed)
 
 
 def _furniture(rng: np.random.Generator, size: NDArray[np.float64]) -> list[Mesh]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from typing import get_args
@@ -11,7 +11,7 @@ import numpy as np
 
 from peakmark.experiments.images.outcome import ImageOutcome, evaluate_image
 from peakmark.experiments.images.peers import PEERS, open_peer
-from peakmark.experiments.images.truth import ImageSet, TrueImage, read_set
+from peakmark.experiments.images.truth import USUAL, Sought, TrueImage, read_set
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.markers.optimum import Limit
@@ -84,7 +84,12 @@ class Evaluation:
 
 
 def evaluate_folder(
-    folder: Path, peers: Sequence[str], journal: Journal, workers: int = 1, on_step: OnStep = lambda done, of: None
+    folder: Path,
+    peers: Sequence[str],
+    journal: Journal,
+    workers: int = 1,
+    on_step: OnStep = lambda done, of: None,
+    sought: Sought = USUAL,
 ) -> list[ImageOutcome]:
     """Return the outcome of every image of a folder, see `read_set`; an interrupted run resumes from its journal.
 
@@ -95,25 +100,19 @@ def evaluate_folder(
     """
     for name in peers:
         open_peer(name)
-    images = read_set(folder).images
+    images = read_set(folder, sought).images
     names = [f"{k} {image.file}" for k, image in enumerate(images)]
-    records = run_items(journal, names, partial(_outcome, folder, tuple(peers)), workers, on_step)
+    records = run_items(journal, names, partial(_outcome, folder, tuple(peers), sought), workers, on_step)
     return [from_plain(ImageOutcome, record) for record in records]
 
 
-def _outcome(folder: Path, peers: Sequence[str], index: int) -> ImageOutcome:
-    known = _opened(folder)
-    return evaluate_image(known.images[index], known.read(index), peers)
+def _outcome(folder: Path, peers: Sequence[str], sought: Sought, index: int) -> ImageOutcome:
+    known = _opened(folder, sought)
+    return evaluate_image(known.images[index], known.read(index), peers, sought)
 
 
-_SETS: dict[Path, ImageSet] = {}
-
-
-def _opened(folder: Path) -> ImageSet:
-    """Return a folder's images, whose truth is read once a process."""
-    if folder not in _SETS:
-        _SETS[folder] = read_set(folder)
-    return _SETS[folder]
+_opened = cache(read_set)
+"""A folder's images, whose truth is read once a process."""
 
 
 def summarise(images: Sequence[TrueImage], outcomes: Sequence[ImageOutcome]) -> Evaluation:

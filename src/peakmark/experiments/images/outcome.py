@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.experiments.images.peers import SeenTag, open_peer
-from peakmark.experiments.images.truth import TrueImage, TrueMarker
+from peakmark.experiments.images.truth import USUAL, Sought, TrueImage, TrueMarker
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
 
@@ -93,10 +93,12 @@ class ImageOutcome:
     """Processor time by detector, "identify" and "arrays" among them."""
 
 
-def evaluate_image(truth: TrueImage, gray: NDArray[np.uint8], peers: Sequence[str]) -> ImageOutcome:
+def evaluate_image(
+    truth: TrueImage, gray: NDArray[np.uint8], peers: Sequence[str], sought: Sought = USUAL
+) -> ImageOutcome:
     """Return what `identify`, `decode_arrays` and the peers find in an image, scored against its truth."""
     cpu_s: dict[str, float] = {}
-    found = _timed(cpu_s, "identify", lambda: identify(gray))
+    found = _timed(cpu_s, "identify", lambda: identify(gray, detector=sought.detector, limit=sought.limit))
     arrays = _timed(cpu_s, "arrays", lambda: decode_arrays(found, image=gray))
     seen = {name: _timed(cpu_s, name, partial(open_peer(name), gray)) for name in peers}
     groups = arrays_of(truth.markers)

@@ -13,7 +13,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from peaksim.toml_file import validate
 from pydantic import BaseModel, ConfigDict, Field
 
 from peakmark.errors import InputError
+from peakmark.experiments.option import check_choice
+from peakmark.identification.api import usual_limit
+from peakmark.identification.families import SOURCES
 from peakmark.keypoints.image import as_gray
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
@@ -106,8 +109,30 @@ class ImageSet:
     """Returns the grey image of an index."""
 
 
-def read_set(folder: Path) -> ImageSet:
-    """Return the images of a folder of one of the three kinds.
+@dataclass(frozen=True)
+class Sought:
+    """Which markers are looked for: as `identify` takes them."""
+
+    detector: str = "surf"
+    limit: Limit | Literal["both"] | None = None
+
+    def __post_init__(self) -> None:
+        check_choice("detector", self.detector, tuple(SOURCES))
+        check_choice("limit", self.limit or "energy", (*get_args(Limit), "both"))
+
+    def includes(self, kind: str) -> bool:
+        """Return whether a kind of marker, such as "sift-range-dark", is looked for."""
+        limit = "range" if "range" in kind else "energy"
+        wanted = self.limit or usual_limit((self.detector,))
+        return kind.startswith(SOURCES[self.detector][0]) and wanted in (limit, "both")
+
+
+USUAL = Sought()
+"""SURF's markers, the paper's."""
+
+
+def read_set(folder: Path, sought: Sought = USUAL) -> ImageSet:
+    """Return the images of a folder of one of the three kinds; of a corpus's markers those that are looked for count.
 
     Raises
     ------
@@ -119,7 +144,7 @@ def read_set(folder: Path) -> ImageSet:
     if (folder / TRUTH).exists():
         return _with_truth(folder)
     if (folder / "corpus.json").exists() or (folder / "manifest.json").exists():
-        return _of_corpus(open_corpus(str(folder)))
+        return _of_corpus(open_corpus(str(folder)), sought)
     files = sorted(path for path in folder.rglob("*") if path.suffix.lower() in ENDINGS)
     if not files:
         raise InputError(f"{folder}: expected {TRUTH}, a corpus or photographs, found none of them")
@@ -143,13 +168,13 @@ def _with_truth(folder: Path) -> ImageSet:
     return ImageSet(images, lambda k: as_gray(read_image(root / images[k].file)))
 
 
-def _of_corpus(corpus: Corpus) -> ImageSet:
-    images = tuple(_of_record(number, record) for number, record in enumerate(corpus.records()))
+def _of_corpus(corpus: Corpus, sought: Sought) -> ImageSet:
+    images = tuple(_of_record(number, record, sought) for number, record in enumerate(corpus.records()))
     return ImageSet(images, lambda k: as_gray(corpus.picture(k)))
 
 
-def _of_record(number: int, record: Any) -> TrueImage:
-    """Return a corpus's frame; of its markers those of SURF that are in view."""
+def _of_record(number: int, record: Any, sought: Sought) -> TrueImage:
+    """Return a corpus's frame; of its markers those that are looked for and in view."""
     markers = [
         TrueMarker(
             polarity=polarity_of(marker["kind"]),
@@ -161,6 +186,6 @@ def _of_record(number: int, record: Any) -> TrueImage:
             inside=1.0 if all(marker["points_seen"]) else 0.0,
         )
         for marker in record["markers"]
-        if marker["kind"].startswith("surf") and marker["visible_fraction"] > 0 and None not in marker["points_xy"][0]
+        if sought.includes(marker["kind"]) and marker["visible_fraction"] > 0 and None not in marker["points_xy"][0]
     ]
     return TrueImage(file=f"frame {number}", version=record["camera"]["name"], markers=tuple(markers))
