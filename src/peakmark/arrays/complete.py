@@ -171,4 +171,4 @@ def _misfit_of_round(seen: MarkerShapes, i: int, j: int, turn: NDArray[np.float6
         return np.inf
     gap = seen.xy[j] - seen.xy[i]
     away = sum(float(np.linalg.norm(np.linalg.solve(seen.shapes[k], gap))) for k in (i, j)) / 2
-    return min(abs(away - pitch), abs(away - np.sqrt(2) * pitch))
+    return float(min(abs(away - pitch), abs(away - np.sqrt(2) * pitch)))

@@ -5,7 +5,7 @@ direction it is round again. The copies keep the image's area. They are sampled 
 ties of a clean marker that lies exactly between samples.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import cv2
@@ -44,6 +44,9 @@ _distinct_rows = function(
 )
 
 
+Worth = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
 @dataclass(frozen=True)
 class MarkerCandidates:
     """Positions at which a marker may be, by falling quotient."""
@@ -80,13 +83,17 @@ def candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
     yield from pages(np.concatenate(found), SIDE_OF_SCALE, gray.shape)
 
 
-def pages(rows: NDArray[np.float64], side_of_scale: float, shape: tuple[int, ...]) -> Iterator[MarkerCandidates]:
-    """Yield key points (n, 6) of an image of a shape in pages, by falling quotient.
+def pages(
+    rows: NDArray[np.float64], side_of_scale: float, shape: tuple[int, ...], worth: Worth | None = None
+) -> Iterator[MarkerCandidates]:
+    """Yield key points (n, 6) of an image of a shape in pages, by falling worth, or quotient.
 
-    Their columns are x, y, scale, response, sign and quotient.
+    Their columns are x, y, scale, response, sign and quotient; the worth is of (k,) responses and quotients.
     """
     rows = rows[np.argsort(-rows[:, 5], kind="stable")]
     distinct = rows[_distinct(rows, shape)]
+    if worth is not None:
+        distinct = distinct[np.argsort(-worth(distinct[:, 3], distinct[:, 5]), kind="stable")]
     for first in range(0, len(distinct) + 1, PAGE):
         page = distinct[first : first + PAGE]
         sides, signs = side_of_scale * page[:, 2], page[:, 4].astype(np.int8)

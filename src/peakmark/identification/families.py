@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from peakmark.identification.alignment import Aligned
 from peakmark.identification.candidates import MarkerCandidates, candidate_pages
 from peakmark.identification.marker_evidence import COLUMNS, COVER_COLUMNS, Column, cover_columns
-from peakmark.identification.sift_candidates import sift_candidate_pages, vlfeat_candidate_pages
+from peakmark.identification.sift_candidates import sift_candidate_pages, sift_worth, vlfeat_candidate_pages
 from peakmark.identification.sift_signature import SIFT_COLUMNS, sift_columns
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Made, Variant
@@ -46,9 +46,9 @@ def _by_size(candidates: MarkerCandidates) -> Column:
     return np.asarray(0.02 * np.log2(np.maximum(candidates.sides_px, 8) / 20))
 
 
-def _by_contrast(candidates: MarkerCandidates) -> Column:
-    """Return 0.03 for each doubling of the response: small faint blobs are many, and look like any round pattern."""
-    return np.asarray(0.03 * np.log2(np.clip(candidates.responses, 0.005, 0.1) / 0.1))
+def _by_answer(candidates: MarkerCandidates) -> Column:
+    """Return what response and quotient of a DoG are worth."""
+    return sift_worth(candidates.responses, candidates.quotients)
 
 
 DISC_SIDE_OF_SURF = 2.4
@@ -74,7 +74,7 @@ FAMILIES: Mapping[Made, Family] = {
         (*COLUMNS, *SIFT_COLUMNS),
         sift_columns,
         0.8,
-        _by_contrast,
+        _by_answer,
         {"energy": 0.1, "range": 0.04},
     ),
 }

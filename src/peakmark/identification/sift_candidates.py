@@ -71,7 +71,18 @@ def pages_of(gray: NDArray[np.uint8], points: NDArray[np.float64]) -> Iterator[M
     variance = box_variance(gray, xy.astype(np.float32), np.column_stack([sigma, sigma]) * _BOX) / 255**2
     quotient = np.abs(response) / (_most_response() * np.sqrt(np.maximum(variance, 1e-5)))
     found = np.column_stack([xy, sigma, np.abs(response), np.sign(response), quotient])
-    yield from pages(found[quotient > LEAST_QUOTIENT], float(SIDE_OF_SIGMA), gray.shape)
+    yield from pages(found[quotient > LEAST_QUOTIENT], float(SIDE_OF_SIGMA), gray.shape, sift_worth)
+
+
+def sift_worth(responses: NDArray[np.float64], quotients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what (n,) candidates' answers are worth beside a correlation.
+
+    0.03 for each doubling of the response, for small faint blobs are many and look like any round pattern; and 0.2 of
+    the quotient up to 0.95, which markers reach and half of all clutter does not. Of markers on floors of the training
+    split one in a hundred is behind 55 others, and without the latter behind 75.
+    """
+    contrast = np.log2(np.clip(responses, 0.005, 0.1) / 0.1)
+    return np.asarray(0.03 * contrast + 0.2 * np.minimum(quotients, 0.95))
 
 
 def dog_extremes(gray: NDArray[np.uint8]) -> NDArray[np.float64]:

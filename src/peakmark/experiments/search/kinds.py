@@ -21,6 +21,7 @@ from peakmark.experiments.journal import Journal
 from peakmark.experiments.option import check_choice
 from peakmark.experiments.run import OnStep, run_items
 from peakmark.experiments.search.places import Place, View, view_of
+from peakmark.identification.alignment import noise_sigma_of
 from peakmark.identification.detection import Detection
 from peakmark.identification.families import SOURCES
 from peakmark.identification.general import detect_markers
@@ -44,8 +45,13 @@ LEAST_PX, STEEPEST_DEG, LEAST_VISIBLE = 20.0, 60.0, 0.99
 NEAR = 0.1
 """Distance from a marker, sides, within which a detection is one of it."""
 
-TILTS_DEG, SIDES_PX = (0, 30, 45, 60), (20, 30, 45, 70, 1000)
-"""Edges of the groups by tilt and by side."""
+GROUPS: dict[str, tuple[float, ...]] = {
+    "tilt_deg": (0, 30, 45, 60.1),
+    "side_px": (20, 30, 45, 70, 1000),
+    "noise": (0, 1, 2, 4, 255),
+    "blur_px": (0, 0.3, 0.5, 5),
+}
+"""Edges of the groups of markers: by tilt, by side, by the image's noise, grey levels, and by the blur of the lens."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ def compare_kinds(
     records = run_items(journal, names, partial(_record, config), workers, on_step)
     chunks = [records[k : k + config.frames] for k in range(0, len(records), config.frames)]
     shown = product(dict.fromkeys(config.places), KINDS)
-    return [_row(*one, chunk) for one, chunk in zip(shown, chunks, strict=True)]
+    return [_row(place, kind, chunk) for (place, kind), chunk in zip(shown, chunks, strict=True)]
 
 
 def _items(config: KindsConfig) -> list[tuple[Place, tuple[str, Limit], int]]:
@@ -120,7 +126,8 @@ def _record(config: KindsConfig, index: int) -> dict[str, Any]:
     start = process_time()
     cv2.SIFT_create(enable_precise_upscale=True).detectAndCompute(view.gray, None)  # type: ignore[attr-defined]
     clocks = {"cpu_s": spent, "opencv_s": process_time() - start}
-    return {**_scored(found, view.truth, view.gray.shape), **_arrays(view, found), **clocks}
+    image = {"noise": noise_sigma_of(view.gray), "blur_px": view.blur_px}
+    return {**_scored(found, view.truth, view.gray.shape), **_arrays(view, found), **clocks, **image}
 
 
 def _scored(found: tuple[Detection, ...], truth: tuple[MarkerTruth, ...], shape: tuple[int, ...]) -> dict[str, Any]:
@@ -165,7 +172,8 @@ def _arrays(view: View, found: tuple[Detection, ...]) -> dict[str, Any]:
 
 def _row(place: Place, kind: tuple[str, Limit], records: Sequence[dict[str, Any]]) -> dict[str, Any]:
     records = [record for record in records if record]
-    markers = [marker for record in records for marker in record["markers"]]
+    of_image = ("noise", "blur_px")
+    markers = [marker | {key: r[key] for key in of_image} for r in records for marker in r["markers"]]
     hits = [marker for marker in markers if marker["found"]]
     errors = np.array([marker["error_px"] for marker in hits])
     squares = np.array([marker["square"] for marker in hits if marker["square"] is not None])
@@ -194,8 +202,7 @@ def _row(place: Place, kind: tuple[str, Limit], records: Sequence[dict[str, Any]
         "rms_px": float(np.sqrt(np.mean(errors**2 / 2))) if len(errors) else None,
         "normalised_square": float(np.median(squares)) if len(squares) else None,
         "cpu_over_opencv_sift": sum(r["cpu_s"] for r in records) / sum(r["opencv_s"] for r in records),
-        "by_tilt_deg": _groups(markers, "tilt_deg", TILTS_DEG),
-        "by_side_px": _groups(markers, "side_px", SIDES_PX),
+        "groups": {by: _groups(markers, by, edges) for by, edges in GROUPS.items()},
     }
 
 
@@ -203,7 +210,7 @@ def _groups(markers: Sequence[dict[str, Any]], by: str, edges: Sequence[float]) 
     """Return how many are found of those in each range of a figure."""
     rows = []
     for low, high in pairwise(edges):
-        own = [marker["found"] for marker in markers if low <= marker[by] < high]
+        own = [marker["found"] for marker in markers if marker[by] is not None and low <= marker[by] < high]
         rows.append(
             {"from": low, "to": high, "of": len(own), "found": sum(own), "interval": list(wilson(sum(own), len(own)))}
         )

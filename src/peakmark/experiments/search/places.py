@@ -58,6 +58,8 @@ class View:
     frame: Frame | None = None
     scene: Scene | None = None
     """None where there are no arrays."""
+    blur_px: float | None = None
+    """σ of lens and defocus together, px; None where it is not known."""
 
 
 def view_of(place: Place, seed: int, number: int, dark: Variant, light: Variant) -> View | None:
@@ -66,12 +68,15 @@ def view_of(place: Place, seed: int, number: int, dark: Variant, light: Variant)
         image = plain_image(np.random.default_rng((seed, number)), photographs("held-out"), (dark, light))
         return View(image.gray, image.truth)
     streams = [np.random.default_rng((seed, number, part)) for part in range(3)]  # a room takes as many draws as it may
-    made = (_floor if place == "floors" else _room)(*streams[:2], Printed(dark.kind, light.kind, 255.0))
+    make = _floor if place == "floors" else _room
+    made = make(streams[0], streams[1], Printed(dark.kind, light.kind, 255.0))
     if made is None:
         return None
     frame, scene = made
-    frame = apply_sensor(frame, random_sensor(streams[1], "held-out"), streams[2])
-    return View(as_gray(frame.image), frame.truth, frame, scene)
+    sensor = random_sensor(streams[1], "held-out")
+    frame = apply_sensor(frame, sensor, streams[2])
+    blur_px = float(np.hypot(sensor.lens_blur_px, sensor.defocus_px / 2))  # a disc's deviation is half its radius
+    return View(as_gray(frame.image), frame.truth, frame, scene, blur_px)
 
 
 def _room(rng: np.random.Generator, view: np.random.Generator, printed: Printed) -> tuple[Frame, Scene] | None:
