@@ -1,5 +1,7 @@
 """The general search: clean markers at every phase, of every size, in bad light; and nothing where nothing is."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from numpy.typing import NDArray
 from peakmark.errors import InputError
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
-from peakmark.identification.general import BATCH, shipped_model
+from peakmark.identification.general import BATCH, _productive, align_image, shipped_model
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity, surf_marker
 
@@ -140,6 +142,14 @@ def test_more_markers_than_are_aligned_at_once_are_all_found() -> None:
     expected = {(43 * column + 33, 43 * row + 33) for row in range(8) for column in range(12)}
     assert len(found) == len(expected) > BATCH
     assert {tuple(np.rint(d.xy).astype(int).tolist()) for d in found} == expected
+
+
+@pytest.mark.parametrize(("rank", "batches"), [(BATCH // 2 - 1, 1), (BATCH // 2, 2)])
+def test_a_marker_late_in_a_batch_is_reason_for_one_more(rank: int, batches: int) -> None:
+    found = align_image(as_image(view(), 1.0))
+    late = replace(found, aligned=replace(found.aligned, rows=np.full(len(found.variants), rank)))
+    whole = _productive(as_image(view(), 1.0), iter([late, found, found]))
+    assert len(whole.variants) == batches * len(found.variants)
 
 
 def test_what_the_general_search_cannot_use_is_refused() -> None:

@@ -9,7 +9,7 @@ from peakmark.errors import InputError
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
 from peakmark.identification.families import surf_disc_pages
-from peakmark.identification.sift_candidates import dog_extremes
+from peakmark.identification.sift_candidates import dog_extremes, sift_candidate_pages, sift_worth
 from peakmark.identification.sift_features import shared_distances
 from peakmark.identification.sift_signature import SIGNATURE, reference_sift_descriptor, sift_signature_distances
 from peakmark.markers.array_code import THREE_BIT, polarities_of
@@ -66,6 +66,15 @@ def test_extremes_have_the_sign_of_the_centre_and_the_scale_of_the_marker(kind: 
     assert np.sign(response) == (1 if kind.polarity == "dark" else -1)
     own = side / SIFT_SIDE_IN_SIGMA / (np.sqrt(2) if kind.limit == "energy" else 1)
     assert sigma == pytest.approx(own, rel=0.06)
+
+
+def test_candidates_come_by_what_their_answers_are_worth() -> None:
+    image, _ = wall()
+    page = next(sift_candidate_pages(image))
+    worth = sift_worth(page.responses, page.quotients)
+    assert (np.diff(worth) <= 1e-12).all()
+    strong, faint = sift_worth(np.array([0.04, 0.02]), np.array([0.9, 0.9]))
+    assert strong - faint == pytest.approx(0.03)
 
 
 def test_an_empty_image_has_none() -> None:

@@ -15,7 +15,7 @@ def view(place: Place, made_for: Made, limit: Limit, number: int = 1) -> View:
     return found
 
 
-@pytest.mark.parametrize("place", ["floors", "rooms"])
+@pytest.mark.parametrize("place", ["floors", pytest.param("rooms", marks=pytest.mark.slow)])
 def test_views_differ_in_the_markers_alone(place: Place) -> None:
     one, other = view(place, "surf", "energy"), view(place, "sift", "range")
     assert [m.kind.replace("surf", "sift-range") for m in one.truth] == [m.kind for m in other.truth]
