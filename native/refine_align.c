@@ -373,7 +373,9 @@ static status fit_start(model *m, picture soft, picture level, double blur, doub
     for (int k = 0; k < 2; k++) {
         start[10] = k ? SHARP : blur;
         memcpy(before->mean, start, LIT * sizeof *start);
+        m->is_soft = k == 0 && m->parameters == LIT;
         status state = fit_picture(m, images[k], start, SOFT_PIXELS, before, limits, result);
+        m->is_soft = false;
         if (state != DONE || result->noise > 0) return state;
     }
     return DONE;

@@ -9,7 +9,7 @@
 static const double TONE = 0.35, TONE_SPREAD = 0.4, GAIN_SPREAD = 0.5, OFFSET_SPREAD = 0.3, MOTION_SPREAD = 0.2;
 enum { PART_PIXELS = 800, RAMP_PIXELS = 250 };
 static const double UNCLEAR = 0.012, RAMP_CENTER_SPREAD = 0.1, RAMP_SHAPE_SPREAD = 0.25, SOFTENED = 0.1406;
-static const double WORTH = 25, LOST = 0.12, CORRELATED_SIDE = 12.0;
+static const double WORTH = 25, LOST = 0.12;
 static const double REST_NOISE = 6, REST_SHARE = 0.006, FIRST_CUT = 2, CUT_SIGMAS = 3, CUT_SHARE = 0.08, LEFT = 0.15;
 static const double SOFT_LEFT = 0.003, LEAST_SOFT_SHARE = 0.35, LEAST_SHARE = 0.3, OPEN_SHARE = 0.6, AWAY = 0.25;
 static const double RIM_BLUR = 0.03, WHITE_RIM = 3;
@@ -138,7 +138,9 @@ static status find_ramp(model *m, const surroundings *around, const double *cent
     for (int k = 2; k < 6; k++) here.precision[k] = per_square(RAMP_SHAPE_SPREAD * size);
     hold_turn(m, &here);
     free_planes(&here);
+    m->is_soft = true;
     status state = fit_picture(m, around->soft, start, RAMP_PIXELS, &here, LONG_FIT, &lit);
+    m->is_soft = false;
     *has_ramp = state == DONE && lit.noise > 0 && lit.theta[8] > 0 &&
                 lit.noise - expected < enough * lit.theta[8] * lit.theta[8];
     if (*has_ramp) *result = lit;
@@ -245,13 +247,14 @@ static status look_again(model *m, const surroundings *around, const double *cen
     status state = read_pixels(m, around->soft, start, PART_PIXELS, taken, &chosen);
     if (state != DONE) return state;
     keep_run(&run, start, (int32_t *)chosen.xy, (float *)chosen.levels, &chosen);
+    m->is_soft = true;
     *result = fit(m, &chosen, start, &here, LAST_FIT);
     free_planes(&here);
     for (double times = FIRST_CUT; times >= 1 && result->noise > 0 && result->theta[8] > 0 && state == DONE; times /= 2) {
         m->cut = times * CUT_SHARE * result->theta[8];
         state = fit_picture(m, around->soft, result->theta, PART_PIXELS, &here, times > 1 ? SHORT_FIT : LAST_FIT, result);
     }
-    m->cut = 0;
+    m->cut = 0, m->is_soft = false;
     return state;
 }
 
@@ -477,36 +480,4 @@ EXPORT status lit_fit(const float *seen, int64_t n, const int32_t *xy, const dou
     memcpy(theta, result.theta, sizeof result.theta);
     *noise = result.noise, *converged = result.converged;
     return DONE;
-}
-
-/* The best correlation of one candidate over shapes, then over shifts of its centre. */
-static double best_correlation(const coarse *search, const surroundings *around, const double *xy, double side,
-                               const double *shifts, int64_t shift_count) {
-    double block = (double)around->block, size = side / block, best, score;
-    const double center[2] = {(xy[0] - (double)around->left - (block - 1) / 2) / block,
-                              (xy[1] - (double)around->top - (block - 1) / 2) / block};
-    int64_t shape = best_shape(search, around->soft, center, size, 0, search->shape_count, &best);
-    for (int64_t j = 0; j < shift_count; j++) {
-        const double shifted[2] = {center[0] + shifts[2 * j] * size, center[1] + shifts[2 * j + 1] * size};
-        best_shape(search, around->soft, shifted, size, shape, 1, &score);
-        best = greater(score, best);
-    }
-    return best;
-}
-
-EXPORT status correlate_candidates(const uint8_t *gray, int64_t height, int64_t width, const double *xy, int64_t n,
-                                   const double *sides, const double *samples, int64_t sample_count,
-                                   const double *expected, const double *shapes, int64_t shape_count,
-                                   const double *shifts, int64_t shift_count, double *found) {
-    coarse search;
-    status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, true);
-    for (int64_t i = 0; i < n && state == DONE; i++) {
-        memory taken = {.count = 0};
-        surroundings around;
-        state = set_surroundings(&around, gray, height, width, xy + 2 * i, sides[i], CORRELATED_SIDE, &taken);
-        bool is_tried = state == DONE && !is_too_small(&around);
-        found[i] = is_tried ? best_correlation(&search, &around, xy + 2 * i, sides[i], shifts, shift_count) : 0;
-        give_back(&taken);
-    }
-    return state;
 }

@@ -191,9 +191,9 @@ static void fill_axis(const model *m, const double *theta, const float *by_x, co
         float x = by_x[i], y = by_y[i], a = fabsf(x), b = fabsf(y), width = a > b ? a : b, other = a > b ? b : a;
         float square = x * x + y * y, own_blur = blur * square + d * (x * x - y * y) + 2 * e * x * y;
         own_blur = own_blur > least_blur * square ? own_blur : least_blur * square;
-        float sigma = sqrtf(other * other / 12 + own_blur);
+        float sigma = sqrtf(other * other / 12 + own_blur + (m->is_soft ? width * width / 12 : 0));
         axis->width[i] = width, axis->sigma[i] = sigma;
-        axis->reach[i] = width / 2 + REACH * sigma;
+        axis->reach[i] = (m->is_soft ? 0 : width / 2) + REACH * sigma;
     }
 }
 
@@ -235,6 +235,25 @@ typedef struct {
     float8 value[MOST_LINES + 1], slope[MOST_LINES + 1], bend[MOST_LINES + 1];
 } share_table;
 
+/* What is past an edge, with its first and second derivative along the axis. */
+typedef struct {
+    float8 value, slope, bend;
+} edge;
+
+/* An edge at a distance t, under a Gaussian that the pixel's box has joined. */
+static inline edge soft_edge(float8 t, float8 per_sigma) {
+    float8 z = t * per_sigma, density = density8(z), slope = density * per_sigma;
+    return (edge){normal8(z, density), slope, all8(0) - z * slope * per_sigma};
+}
+
+/* One under a box and a Gaussian. */
+static inline edge sharp_edge(float8 t, float8 half, float8 sigma, float8 per_sigma, float8 per_width) {
+    float8 z = t * per_sigma, left = z + half, right = z - half, at_left = density8(left), at_right = density8(right);
+    float8 up_left = normal8(left, at_left), up_right = normal8(right, at_right);
+    return (edge){(left * up_left + at_left - right * up_right - at_right) * sigma * per_width,
+                  (up_left - up_right) * per_width, (at_left - at_right) * per_sigma * per_width};
+}
+
 static void fill_shares(const model *m, float8 u, const axis_columns *axis, int64_t i, share_table *shares) {
     float8 width = load8(axis->width + i), sigma = load8(axis->sigma + i), reach = load8(axis->reach + i);
     float8 per_sigma = all8(1) / sigma, per_width = all8(1) / width, half = all8(0.5f) * width * per_sigma;
@@ -243,12 +262,11 @@ static void fill_shares(const model *m, float8 u, const axis_columns *axis, int6
     int64_t k = 0;
     while (k < m->line_count && m->own_lines[k] < lowest) k++;
     for (shares->first = k; k < m->line_count && m->own_lines[k] < highest; k++) {
-        float8 t = u - all8(m->own_lines[k]), z = t * per_sigma, left = z + half, right = z - half;
-        float8 at_left = density8(left), at_right = density8(right), up_left = normal8(left, at_left), up_right = normal8(right, at_right);
+        float8 t = u - all8(m->own_lines[k]);
         lanes8 is_seen = absolute8(t) < reach;
-        float8 step = (left * up_left + at_left - right * up_right - at_right) * sigma * per_width;
-        step = choose8(is_seen, step, only8(t > all8(0), all8(1)));
-        float8 slope = only8(is_seen, (up_left - up_right) * per_width), bend = only8(is_seen, (at_left - at_right) * per_sigma * per_width);
+        edge at = m->is_soft ? soft_edge(t, per_sigma) : sharp_edge(t, half, sigma, per_sigma, per_width);
+        float8 step = choose8(is_seen, at.value, only8(t > all8(0), all8(1)));
+        float8 slope = only8(is_seen, at.slope), bend = only8(is_seen, at.bend);
         shares->value[k] = above - step, shares->slope[k] = above_slope - slope, shares->bend[k] = above_bend - bend;
         above = step, above_slope = slope, above_bend = bend;
     }

@@ -13,8 +13,9 @@ from peakmark.identification.alignment import _SHIFTS, lit_pattern, lit_template
 from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
-from peakmark.refine.lit import correlate_candidates, lit_residuals
+from peakmark.refine.lit import lit_residuals
 from peakmark.refine.model import Pattern, predict, residuals
+from peakmark.refine.posture import correlate_candidates
 from tests.places import GOLDEN
 
 PATH = GOLDEN / "native" / "refine.npz"
@@ -70,7 +71,7 @@ def _aligned(views: Views) -> dict[str, NDArray[np.float64]]:
 
 
 def _correlated(views: Views) -> dict[str, NDArray[np.float64]]:
-    scores = correlate_candidates(
+    scores, _ = correlate_candidates(
         views.image, views.xy, views.sides_px, *lit_template(Variant("dark")), shape_grid(), _SHIFTS
     )
     return {"correlation": scores}

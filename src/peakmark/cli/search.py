@@ -10,7 +10,7 @@ from peakmark.cli.command import examples, resumable
 from peakmark.cli.options import Out, Quiet
 from peakmark.cli.terminal import FIGURES, new_console, print_path, print_table, progress_bar
 from peakmark.experiments.journal import Journal
-from peakmark.experiments.search import kinds
+from peakmark.experiments.search import kinds, screening
 from peakmark.experiments.search.centers import CentersConfig, measure_centers
 from peakmark.experiments.search.kinds import KindsConfig
 from peakmark.experiments.search.places import Place
@@ -49,6 +49,30 @@ def train_search(
     write_model(out, model)
     print_table(console, f"{images} + {empty} images · seed {seed}", FIGURES, result_rows(model))
     print_path(console, out / FAMILIES[config.made_for].model, "Model")
+
+
+@examples("python scripts/train_screen.py --workers 2", "python scripts/train_screen.py --images 24 --out out/quick")
+def train_screen(
+    out: Out = Path("out/screen"),
+    images: Annotated[int, Option(help="Random images with markers.")] = SearchTrainingConfig.images,
+    empty: Annotated[int, Option(help="Images without any.")] = SearchTrainingConfig.empty,
+    seed: Annotated[int, Option(help="Seed of the images.")] = SearchTrainingConfig.seed,
+    workers: Annotated[int, Option(help="Processes.")] = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Train the screen of identify(image): which candidates are worth an alignment.
+
+    Writes screen.json (which ships in peakmark.identification), and result.json. An interrupted run resumes.
+    """
+    config = SearchTrainingConfig(images, empty, seed)
+    console = new_console(quiet)
+    journal = Journal.open(out, asdict(config))
+    with resumable(), progress_bar(console, "render, align") as bar:
+        screened = screening.collect_looks(config, journal, workers, bar.show)
+    screen = screening.train(screened, config)
+    screening.write_screen(out, screen)
+    print_table(console, f"{images} + {empty} images · seed {seed}", FIGURES, screening.result_rows(screen))
+    print_path(console, out / "screen.json", "Screen")
 
 
 @examples(

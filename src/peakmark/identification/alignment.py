@@ -14,8 +14,9 @@ from peakmark.markers.profile import MOST_RADII, RADII, sift_profile
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
-from peakmark.refine.lit import PARAMETERS, correlate_candidates, finish_in_light
+from peakmark.refine.lit import PARAMETERS, finish_in_light
 from peakmark.refine.model import Pattern, predict
+from peakmark.refine.posture import correlate_candidates
 from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
 
 HOPELESS = 0.05
@@ -136,12 +137,17 @@ def lit_template(variant: Variant) -> tuple[NDArray[np.float64], NDArray[np.floa
         return samples, values / np.linalg.norm(values)
     line = (np.arange(9) - 4) / 9 * 0.95
     samples = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    values = template_levels(variant, samples)
+    values = values - values.mean()
+    return samples, values / np.linalg.norm(values)
+
+
+def template_levels(variant: Variant, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the softened levels (m,), 0…1, of a square marker at points (m, 2), sides from its centre."""
     unit = np.zeros(11)
     unit[[2, 5]], unit[8], unit[10] = _TEMPLATE_PX, 1.0, (_TEMPLATE_BLUR * _TEMPLATE_PX) ** 2
     lines, index, levels = lit_pattern(variant)
-    values = predict(unit, samples * _TEMPLATE_PX, Pattern(lines, levels[index] ** _TEMPLATE_TONE, 0.5))
-    values = values - values.mean()
-    return samples, values / np.linalg.norm(values)
+    return predict(unit, points * _TEMPLATE_PX, Pattern(lines, levels[index] ** _TEMPLATE_TONE, 0.5))
 
 
 def shapes_of(variant: Variant) -> NDArray[np.float64]:
@@ -151,8 +157,11 @@ def shapes_of(variant: Variant) -> NDArray[np.float64]:
 
 def correlations(
     gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], variant: Variant
-) -> NDArray[np.float64]:
-    """Return (n,) how well the image correlates with the pattern at candidates, in the best of all shapes."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return (n,) how well the image correlates with the pattern at candidates, in the best of all shapes.
+
+    And the posture (n, 6) in which it does, see `correlate_candidates`.
+    """
     samples, template = lit_template(variant)
     chunks = np.array_split(np.arange(len(xy)), max(1, min(8, len(xy))))
     parts = map_parallel(
@@ -161,7 +170,7 @@ def correlations(
         ),
         chunks,
     )
-    return np.concatenate([np.empty(0), *parts])
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
 
 def align_candidates(

@@ -91,7 +91,7 @@ def pages(
     Their columns are x, y, scale, response, sign and quotient; the worth is of (k,) responses and quotients.
     """
     rows = rows[np.argsort(-rows[:, 5], kind="stable")]
-    distinct = rows[_distinct(rows, shape)]
+    distinct = rows[distinct_rows(rows, shape, _NEAR, _LIKE)]
     if worth is not None:
         distinct = distinct[np.argsort(-worth(distinct[:, 3], distinct[:, 5]), kind="stable")]
     for first in range(0, len(distinct) + 1, PAGE):
@@ -126,15 +126,17 @@ def _search(
     scale = own_scale / np.sqrt(np.abs(np.linalg.det(matrix)))
     inside = ((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)
     rows = np.flatnonzero(inside & (SIDE_OF_SCALE * scale > SMALLEST_PX))
-    variance = np.maximum(box_variance(copy, points[rows, :2], np.repeat(own_scale[rows, None], 2, axis=1)), 1e-3)
-    quotients = response[rows] / (best_response() * variance)
+    explained = response[rows] / best_response()
+    sizes = np.repeat(own_scale[rows, None], 2, axis=1)
+    variance = box_variance(copy, points[rows, :2], sizes, np.maximum(explained / LEAST_QUOTIENT, 1e-3))
+    quotients = explained / np.maximum(variance, 1e-3)
     found = np.column_stack([xy[rows], scale[rows], response[rows], sign[rows], quotients])
     return np.asarray(found[quotients > LEAST_QUOTIENT])
 
 
 def _spans(
     copy_shape: tuple[int, ...], inverse: NDArray[np.float64], origin: NDArray[np.float64], shape: tuple[int, int]
-) -> NDArray[np.int64]:
+) -> NDArray[np.int32]:
     """Return (h, 2) first column, and one behind the last, that an image of a shape has in each row of its copy.
 
     A pixel (x, y) of the copy is the image's at `inverse` (x, y) + `origin`; rows without any end before they begin.
@@ -145,7 +147,7 @@ def _spans(
         crossed = np.sort((limits - at_first_column) / inverse[:, 0], axis=0)
     first, last = crossed[0].max(axis=1), crossed[1].min(axis=1)
     spans = np.column_stack([np.floor(first), np.ceil(last) + 1])
-    return np.asarray(np.clip(spans, 0, copy_shape[1]), dtype=np.int64)
+    return np.asarray(np.clip(spans, 0, copy_shape[1]), dtype=np.int32)
 
 
 def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
@@ -164,8 +166,12 @@ def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDAr
     return np.asarray(copy), shift
 
 
-def _distinct(rows: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.int64]:
-    """Return which rows, best first, are no other one found again."""
+def distinct_rows(rows: NDArray[np.float64], shape: tuple[int, ...], near: float, like: float) -> NDArray[np.int64]:
+    """Return which rows (n, 6), best first, are no other one found again, see `pages`.
+
+    One found again has the sign of another one, is nearer to it than `near` scales and of less than `like` times its
+    scale, or it of that.
+    """
     kept, count = np.empty(len(rows), np.int64), np.empty(1, np.int64)
-    _distinct_rows(rows, _NEAR, _LIKE, float(shape[1]), float(shape[0]), kept, count)
+    _distinct_rows(rows, near, like, float(shape[1]), float(shape[0]), kept, count)
     return kept[: count[0]]

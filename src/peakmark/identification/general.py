@@ -2,8 +2,8 @@
 
 ::
 
-    SURF on five copies ─▶ candidates by quotient ─▶ the best by coarse correlation ─▶ alignment in any light
-        ─▶ evidence ─▶ boosted trees ─▶ non-maximum suppression ─▶ detections
+    SURF on five copies ─▶ candidates by quotient ─▶ the best by coarse correlation ─▶ screen
+        ─▶ alignment in any light ─▶ evidence ─▶ boosted trees ─▶ non-maximum suppression ─▶ detections
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,11 +24,12 @@ from peakmark.identification.alignment import (
     start_of,
     together,
 )
-from peakmark.identification.candidates import MarkerCandidates, joined
+from peakmark.identification.candidates import MarkerCandidates, distinct_rows, joined
 from peakmark.identification.detection import Detection
 from peakmark.identification.families import FAMILIES, SOURCES, Family
 from peakmark.identification.marker_evidence import COLUMNS, marker_evidence
 from peakmark.identification.marker_model import MarkerModel, shipped_model
+from peakmark.identification.screening import SCREEN_COLUMNS, Screen, has_screen, screen_columns, shipped_screen
 from peakmark.identification.suppression import suppress_non_maxima
 from peakmark.markers.patterns import Polarity, Variant
 from peakmark.refine.api import upright_rotation
@@ -48,6 +49,10 @@ _BY_QUOTIENT, _ENOUGH = 0.08, 0.6
 """A candidate's worth is its correlation, this times its quotient up to 0.6, and what its family adds."""
 
 
+_NEAR, _LIKE = 0.18, 1.25
+"""Candidates of one sign this near, in sides, and this like in side, are one."""
+
+
 @dataclass(frozen=True)
 class Alignments:
     """Candidates of an image that could be aligned, with their evidence."""
@@ -60,6 +65,8 @@ class Alignments:
     """The alignments."""
     evidence: NDArray[np.float64]
     """(n, c) see `marker_evidence`."""
+    looks: NDArray[np.float64]
+    """(n, s) see `SCREEN_COLUMNS`; nan of markers that have no screen."""
 
     @property
     def sides_px(self) -> NDArray[np.float64]:
@@ -67,65 +74,87 @@ class Alignments:
         return np.asarray(self.aligned.sides_px / np.array([span_of(variant) for variant in self.variants]))
 
 
-def align_image(gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL) -> Alignments:
+@dataclass(frozen=True)
+class _Rated:
+    """A page of candidates, rated before any is aligned."""
+
+    candidates: MarkerCandidates
+    scores: NDArray[np.float64]
+    """(n, variants) coarse correlation with each marker, 0 with those of the other polarity."""
+    looks: NDArray[np.float64]
+    """(n, c) see `SCREEN_COLUMNS`; nan where the correlation is too low, and of markers that have no screen."""
+    odds: NDArray[np.float64]
+    """(n,) what the screen says of them; ∞ without one."""
+
+
+def align_image(gray: NDArray[np.uint8], variants: Sequence[Variant] = USUAL, is_screened: bool = False) -> Alignments:
     """Return what could be aligned with one of the markers in a (H, W) image, of the first batch of candidates.
 
-    The markers are all made for one detector.
+    The markers are all made for one detector. Unless they are screened, all candidates of the batch are aligned.
     """
-    return next(_batches(gray, variants, FAMILIES[variants[0].made_for].pages(gray)))
+    return next(_batches(gray, variants, FAMILIES[variants[0].made_for].pages(gray), is_screened))
 
 
 def _batches(
-    gray: NDArray[np.uint8], variants: Sequence[Variant], pages: Iterator[MarkerCandidates]
+    gray: NDArray[np.uint8], variants: Sequence[Variant], pages: Iterator[MarkerCandidates], is_screened: bool = True
 ) -> Iterator[Alignments]:
     """Yield alignments batch by batch, at least one, the best candidates first."""
     sigma, family = noise_sigma_of(gray), FAMILIES[variants[0].made_for]
+    screen = shipped_screen() if is_screened else None
     for candidates in pages:
-        scores = _scores(gray, candidates, variants)
-        chosen = _short_list(candidates, scores.max(axis=1), family)
+        rated = _rated(gray, candidates, variants, sigma, screen)
+        chosen = _short_list(candidates, rated.scores.max(axis=1), family, gray.shape)
         while True:
             rows = np.array(list(islice(chosen, BATCH)), dtype=np.intp)
-            yield _aligned(gray, candidates[rows], scores[rows], variants, sigma)
+            passing = np.flatnonzero(rated.odds[rows] >= (screen.least if screen else 0))
+            found = _aligned(gray, rated, rows[passing], variants, sigma)
+            yield replace(found, aligned=replace(found.aligned, rows=passing[found.aligned.rows]))
             if len(rows) < BATCH:
                 break
 
 
-def _scores(gray: NDArray[np.uint8], candidates: MarkerCandidates, variants: Sequence[Variant]) -> NDArray[np.float64]:
-    """Return (n, v) coarse correlations of candidates with each of the markers, 0 with those of the other polarity."""
+def _rated(
+    gray: NDArray[np.uint8],
+    candidates: MarkerCandidates,
+    variants: Sequence[Variant],
+    sigma: float,
+    screen: Screen | None,
+) -> _Rated:
+    """Return how well candidates correlate with each marker, and what the screen says of those that do."""
     scores = np.zeros((len(candidates), len(variants)))
+    looks = np.full((len(candidates), len(SCREEN_COLUMNS)), np.nan)
+    odds = np.full(len(candidates), np.inf)
+    least = FAMILIES[variants[0].made_for].least_correlation
     for k, variant in enumerate(variants):
         rows = np.flatnonzero(candidates.signs == (1 if variant.polarity == "dark" else -1))
         sides = candidates.sides_px[rows] * start_of(variant)
-        scores[rows, k] = correlations(gray, candidates.xy[rows], sides, variant)
-    return scores
+        scores[rows, k], postures = correlations(gray, candidates.xy[rows], sides, variant)
+        if all(has_screen(each) for each in variants):
+            own = scores[rows, k] >= least
+            rows, postures = rows[own], postures[own]
+            looks[rows] = screen_columns(gray, candidates[rows], postures, scores[rows, k], variant, sigma)
+            odds[rows] = screen.trees.sums(looks[rows]) if screen else np.inf
+    return _Rated(candidates, scores, looks, odds)
 
 
-def _short_list(candidates: MarkerCandidates, scores: NDArray[np.float64], family: Family) -> Iterator[np.intp]:
-    """Yield the rows of candidates by falling worth, without those near a better one of like size."""
+def _short_list(
+    candidates: MarkerCandidates, scores: NDArray[np.float64], family: Family, shape: tuple[int, ...]
+) -> Iterator[np.int64]:
+    """Return the rows of candidates by falling worth, without those near a better one of like size."""
     worth = scores + _BY_QUOTIENT * np.minimum(candidates.quotients, _ENOUGH) + family.more_worth(candidates)
-    kept: list[np.intp] = []
-    for i in np.argsort(-worth, kind="stable"):
-        if scores[i] < family.least_correlation:
-            continue
-        before = np.array(kept, dtype=np.intp)
-        gaps = np.hypot(*(candidates.xy[before] - candidates.xy[i]).T)
-        smaller = np.minimum(candidates.sides_px[before], candidates.sides_px[i])
-        like = np.abs(np.log(candidates.sides_px[before] / candidates.sides_px[i])) < np.log(1.25)
-        if (like & (gaps < 0.18 * smaller) & (candidates.signs[before] == candidates.signs[i])).any():
-            continue
-        kept.append(i)
-        yield i
+    order = np.argsort(-worth, kind="stable")
+    order = order[scores[order] >= family.least_correlation]
+    columns = (candidates.sides_px, candidates.responses, candidates.signs, candidates.quotients)
+    rows = np.column_stack([candidates.xy, *columns])[order]
+    return iter(order[distinct_rows(rows, shape, _NEAR, _LIKE)])
 
 
 def _aligned(
-    gray: NDArray[np.uint8],
-    candidates: MarkerCandidates,
-    scores: NDArray[np.float64],
-    variants: Sequence[Variant],
-    sigma: float,
+    gray: NDArray[np.uint8], rated: _Rated, chosen: NDArray[np.intp], variants: Sequence[Variant], sigma: float
 ) -> Alignments:
     """Return candidates aligned with the marker that correlates best, and with the other one that does alike, too."""
     parts, kinds, family = [], [], FAMILIES[variants[0].made_for]
+    candidates, scores = rated.candidates[chosen], rated.scores[chosen]
     for k, variant in enumerate(variants):
         rows = np.flatnonzero((scores[:, k] > 0) & (scores[:, k] > scores.max(axis=1) - family.behind[variant.limit]))
         sides = candidates.sides_px[rows] * start_of(variant)
@@ -138,7 +167,7 @@ def _aligned(
     evidence = marker_evidence(gray, aligned, found.quotients, scores[rows, kind], sigma)
     more = family.more_evidence(gray, aligned, aligned_with)
     evidence = np.column_stack([evidence, *(more[name] for name in family.columns[len(COLUMNS) :])])
-    return Alignments(found, aligned_with, aligned, evidence)
+    return Alignments(found, aligned_with, aligned, evidence, rated.looks[chosen][rows])
 
 
 def _productive(gray: NDArray[np.uint8], batches: Iterator[Alignments]) -> Alignments:
@@ -169,6 +198,7 @@ def _joined(batches: Sequence[Alignments]) -> Alignments:
         tuple(variant for batch in batches for variant in batch.variants),
         together([batch.aligned for batch in batches]),
         np.concatenate([batch.evidence for batch in batches]),
+        np.concatenate([batch.looks for batch in batches]),
     )
 
 

@@ -43,12 +43,6 @@ _align_in_light = function(
     f"status align_in_light(const u1[height,width] gray, const f8[2] center, f8 size, {_GRID}, f8 extent, f8 focal, "
     f"{_COARSE}, f8 sigma, f8 hopeless, f8[18] theta, f8[4] figures)"
 )
-_correlate_candidates = function(
-    f"status correlate_candidates(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, {_COARSE}, "
-    "const f8[shift_count,2] shifts, f8[n] found)"
-)
-
-
 _finish_in_light = function(
     f"status finish_in_light(const u1[height,width] gray, const f8[2] center, f8 size, {_GRID}, f8 extent, f8 rim, "
     "f8 focal, f8 cut, f8[18] theta, f8[18,18] covariance)"
@@ -96,24 +90,6 @@ def lit_fit(
     data, grid, before = (levels_at(gray, pixels), pixels), (lines, index, base), (mean, precision)
     _lit_fit(*data, start, anchor, *grid, *before, steps, enough, theta, noise, converged)
     return theta, float(noise[0]), bool(converged[0])
-
-
-def correlate_candidates(
-    gray: NDArray[np.uint8],
-    xy: Values,
-    sides: Values,
-    samples: Values,
-    template: Values,
-    shapes: Values,
-    shifts: Values,
-) -> Values:
-    """Return (n,) the best correlation of each candidate over shapes, then over shifts of its centre in sides.
-
-    A plane over the samples is taken out of the image first, so that a ramp of light costs nothing.
-    """
-    found = np.empty(len(xy))
-    _correlate_candidates(gray, xy, sides, samples, template, shapes, shifts, found)
-    return found
 
 
 @dataclass(frozen=True)

@@ -24,14 +24,10 @@ _BANDS_PER_THREAD = 4
 """Bands of rows that a thread gets in the first octave, so that threads end together."""
 BLOCK_COLUMNS = 1024
 """Columns of a block, so that a searched layer's three rows stay in the first cache (`benchmarks/stages.py`)."""
-STRIP_ROWS = 64
-"""Grid rows of a strip whose columns are chosen together."""
-_BESIDE = 4
-"""Grid steps beyond the spans that are searched: a key point lies up to one from its maximum, and slanted spans of rows
-between those of the grid may reach three farther."""
 _find_in_block = function(
     "status find_in_block(const i4[height,stride] integral, const i4[height,stride]? mask, f4 threshold, i8 octave, "
-    "i8 layers, i8 rows, i8 columns, i8 top, i8 bottom, i8 left, i8 right, f4[room,7] records, i8[1] count)"
+    "i8 layers, i8 rows, i8 columns, i8 top, i8 bottom, i8 left, i8 right, const i4[span_count,2]? spans, "
+    "f4[room,7] records, i8[1] count)"
 )
 
 
@@ -57,7 +53,7 @@ def find_interest_points(
     octaves: int,
     layers: int,
     mask_integral: NDArray[np.int32] | None,
-    spans: NDArray[np.int64] | None = None,
+    spans: NDArray[np.int32] | None = None,
 ) -> NDArray[np.float32]:
     """All interest points as (n, 7) records (`RECORD_FIELDS`), in no particular order.
 
@@ -72,20 +68,22 @@ def find_interest_points(
         is cheaper. None searches all.
     """
     blocks = [block for octave in range(octaves) for block in grid_blocks(shape, octave, layers)]
-    if spans is not None:
-        blocks = [part for block in blocks for part in narrowed_blocks(block, spans)]
-    found = map_parallel(lambda block: _search(integral, mask_integral, threshold, block), blocks)
+    found = map_parallel(lambda block: _search(integral, mask_integral, threshold, block, spans), blocks)
     return np.concatenate([np.zeros((0, len(RECORD_FIELDS)), dtype=np.float32), *found])
 
 
 def _search(
-    integral: NDArray[np.int32], mask_integral: NDArray[np.int32] | None, threshold: float, block: Block
+    integral: NDArray[np.int32],
+    mask_integral: NDArray[np.int32] | None,
+    threshold: float,
+    block: Block,
+    spans: NDArray[np.int32] | None,
 ) -> NDArray[np.float32]:
     """Return the records of the maxima in a block; of four grid positions in a square at most one is one of a layer."""
     height, width = block.bottom - block.top, block.right - block.left
     room = block.layers * ((height + 1) // 2) * ((width + 1) // 2)
     records, count = np.empty((room, len(RECORD_FIELDS)), dtype=np.float32), np.empty(1, dtype=np.int64)
-    _find_in_block(integral, mask_integral, threshold, *block, records, count)
+    _find_in_block(integral, mask_integral, threshold, *block, spans, records, count)
     return records[: count[0]].copy()
 
 
@@ -128,16 +126,3 @@ def grid_blocks(shape: tuple[int, int], octave: int, layers: int) -> list[Block]
         for top, bottom in bands(height, row_cuts)
         for left, right in bands(width, -(-width // BLOCK_COLUMNS))
     ]
-
-
-def narrowed_blocks(block: Block, spans: NDArray[np.int64]) -> list[Block]:
-    """Cut a block into strips, each as wide as the spans (H, 2) of its rows and their neighbours ask for."""
-    strips = []
-    for top, bottom in bands(block.bottom - block.top, -(-(block.bottom - block.top) // STRIP_ROWS)):
-        rows = np.arange(block.top + top - _BESIDE, block.top + bottom + _BESIDE) << block.octave
-        own = spans[np.clip(rows, 0, len(spans) - 1)]
-        left = max(block.left, int(own[:, 0].min() >> block.octave) - _BESIDE)
-        right = min(block.right, int(own[:, 1].max() >> block.octave) + _BESIDE)
-        if left < right:
-            strips.append(block._replace(top=block.top + top, bottom=block.top + bottom, left=left, right=right))
-    return strips

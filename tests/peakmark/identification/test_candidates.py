@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from peakmark.identification.candidates import _LIKE, _NEAR, DIRECTIONS_DEG, _distinct, _spans, _warped, squeeze
+from peakmark.identification.candidates import DIRECTIONS_DEG, _spans, _warped, distinct_rows, squeeze
 from peakmark.surf.hessian import find_interest_points
 from peakmark.surf.integral import padded_integral
 
@@ -15,13 +15,14 @@ def test_distinct_rows_are_those_of_a_look_at_all_pairs(count: int, height: int,
     xy, scales = rng.uniform(-0.5, [width - 0.5, height - 0.5], (count, 2)), 10 * np.exp(rng.uniform(0, 2, count))
     signs = rng.choice([-1.0, 1.0], count)
     expected: list[int] = []
+    closer, ratio = 0.12, 1.2
     for i in range(count):
-        near = [np.hypot(*(xy[k] - xy[i])) < _NEAR * min(scales[k], scales[i]) for k in expected]
-        like = [1 / _LIKE < scales[k] / scales[i] < _LIKE and signs[k] == signs[i] for k in expected]
+        near = [np.hypot(*(xy[k] - xy[i])) < closer * min(scales[k], scales[i]) for k in expected]
+        like = [1 / ratio < scales[k] / scales[i] < ratio and signs[k] == signs[i] for k in expected]
         if not (np.array(near, bool) & np.array(like, bool)).any():
             expected.append(i)
     rows = np.column_stack([xy, scales, np.ones(count), signs, np.ones(count)])
-    assert _distinct(rows, (height, width)).tolist() == expected
+    assert distinct_rows(rows, (height, width), closer, ratio).tolist() == expected
 
 
 @pytest.mark.parametrize("angle_deg", [None, *DIRECTIONS_DEG])

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from peakmark.identification.alignment import _KNOTS, _SHIFTS, lit_pattern, lit_template, measure_alignment
+from peakmark.identification.screening import VIEWED, slopes_of
 from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
-from peakmark.refine.lit import align_in_light, correlate_candidates, finish_in_light, lit_residuals
+from peakmark.refine.lit import align_in_light, finish_in_light, lit_residuals
+from peakmark.refine.posture import correlate_candidates, view_candidates
 
 ODD = np.array([-np.inf, -1e300, -1e6, -40.0, -0.5, 0.0, 1e-300, 3.2, 17.0, 1e6, 1e300, np.inf, np.nan])
 
@@ -38,8 +40,12 @@ def test_alignments_of_anything_anywhere_come_back(seed: int) -> None:
     assert not np.isfinite(lit.step) or (np.isfinite(lit.theta).all() and lit.noise > 0)
     _, covariance = finish_in_light(image, lit.theta, center, size, *pattern, 0.5, 0.55, 90.0, lit.cut)
     assert covariance.shape == (18, 18)
-    (score,) = correlate_candidates(image, center[None], np.array([size]), *template, shape_grid(), _SHIFTS)
-    assert -1.001 <= score <= 1.001
+    place = (center[None], np.array([size]))
+    score, postures = correlate_candidates(image, *place, *template, shape_grid(), _SHIFTS)
+    assert -1.001 <= score[0] <= 1.001
+    _, score, views = view_candidates(image, *place, postures, *template, slopes_of(Variant("dark")), VIEWED)
+    assert -1.001 <= score[0] <= 1.001
+    assert ((views >= 0) & (views <= 255)).all()
 
 
 @pytest.mark.parametrize("seed", range(60))

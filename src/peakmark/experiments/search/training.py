@@ -143,6 +143,12 @@ def label_of(
     return label
 
 
+def marker_of(xy: NDArray[np.float64], truth: Sequence[MarkerTruth]) -> int:
+    """Return the number of the marker nearest to a place, in sides; −1 without any that is seen."""
+    seen = [k for k, marker in enumerate(truth) if np.isfinite(marker.side_px) and marker.visible_fraction > 0]
+    return min(seen, key=lambda k: np.linalg.norm(xy - truth[k].center_xy) / truth[k].side_px, default=-1)
+
+
 def _is_wanted(marker: MarkerTruth, shape: tuple[int, ...]) -> bool:
     inside = (marker.corners_xy > -0.5) & (marker.corners_xy < np.array(shape[::-1]) - 0.5)
     return bool(inside.all()) and marker.visible_fraction >= LEAST_VISIBLE
