@@ -32,7 +32,9 @@ _SIZE_AND_FOCAL = re.compile(r"(\d+)[x×](\d+)@(\d+(?:\.\d+)?)")
 def envelope(
     camera: Annotated[str, Option(help="Scene file or name whose camera to take, or WIDTHxHEIGHT@FOCAL_PX.")] = "floor",
     side_m: Annotated[float, Option(help="Printed side of the marker without border, metres.")] = 0.08,
-    marker: Annotated[str, Option(help="Marker; a light one is found as its dark one is.")] = "surf-dark",
+    marker: Annotated[
+        str, Option(help="surf-dark, sift-dark, or sift-range-dark, the disc; light ones are found as dark ones are.")
+    ] = "surf-dark",
     detector: Annotated[str, Option(help="surf, surf-paper or sift.")] = "surf",
     noise: Annotated[float, Option(help="σ of the noise, grey levels: 0 or 10.")] = 0.0,
     required: Annotated[float, Option(help="Detection rate that the lower end of its interval must reach.")] = REQUIRED,

@@ -1,7 +1,7 @@
 """How near and how far a printed marker is found, for a camera: read from measured rates over size and tilt.
 
 The rates ship with the package, as `scripts/detectability.py` measured them over random phases, rotations and tilt
-axes; its sides of SIFT markers are the printed 12 σ. Without tilt a marker of side S at distance Z is f·S / Z px large,
+axes; sides of SIFT markers are the printed 12 σ. Without tilt a marker of side S at distance Z is f·S / Z px large,
 f being the focal length in px; its perspective is that of 20 marker sides away.
 """
 

@@ -53,9 +53,20 @@ def test_the_shipped_rates_are_sure_and_fall_with_tilt(detector, noise):
     assert (np.diff(found.side_px) > 0).all()
     assert (found.detected >= found.detected_low).all()
     assert found.detected[0].mean() > found.detected[-1].mean()
-    square, *_, steepest = reach(found, 1774, 0.08)
-    assert square.farthest_m > 7
-    assert 2 < steepest.farthest_m < square.farthest_m
+    at = {one.tilt_deg: one.farthest_m for one in reach(found, 1774, 0.08)}
+    assert at[0.0] > 7
+    assert 4 < at[60.0] < at[0.0]
+
+
+@pytest.mark.parametrize("noise", [0.0, 10.0])
+@pytest.mark.parametrize(
+    ("marker", "detector"), [("sift-dark", "sift"), ("sift-range-dark", "sift"), ("sift-range-dark", "surf")]
+)
+def test_sifts_markers_and_discs_were_measured_at_the_same_sizes_and_tilts(marker, detector, noise):
+    found, surf = load_rates(marker, detector, noise), load_rates("surf-dark", "surf", noise)
+    assert np.array_equal(found.side_px, surf.side_px)
+    assert np.array_equal(found.tilt_deg, surf.tilt_deg)
+    assert found.detected.max() >= 0.97
 
 
 @pytest.mark.parametrize(

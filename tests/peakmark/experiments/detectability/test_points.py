@@ -48,13 +48,14 @@ def test_thinned_sizes_keep_those_next_to_the_seams():
     assert {8.54, 18.63} <= sigmas
 
 
-def test_vlfeat_takes_part_in_the_papers_experiments_where_it_is_installed(monkeypatch):
-    def vlfeat_points():
-        everything = points(DetectabilityConfig())
+def test_vlfeat_takes_part_where_it_is_installed(monkeypatch):
+    def vlfeat_points(**settings):
+        everything = points(DetectabilityConfig(**settings))
         return {(p.experiment, p.condition.marker) for p in everything if "vlfeat" in p.detectors}
 
     monkeypatch.setattr("peakmark.experiments.detectability.points.find_spec", lambda name: object())
     assert vlfeat_points() == {(name, "sift-dark") for name in OF_VLFEAT}
+    assert vlfeat_points(is_paper=True) == {(name, "sift-dark") for name in PAPER_EXPERIMENTS}
     monkeypatch.setattr("peakmark.experiments.detectability.points.find_spec", lambda name: None)
     assert vlfeat_points() == set()
 
