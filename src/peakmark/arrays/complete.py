@@ -1,6 +1,7 @@
 """Members of arrays that a search missed, seen where their neighbours say that they stand, and pairs that lack one."""
 
 from collections.abc import Sequence, Set
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -8,8 +9,9 @@ from numpy.typing import NDArray
 
 from peakmark.arrays.lattice import SIZE_RATIO, MarkerShapes
 from peakmark.arrays.look import AROUND, OF_SURF, Print, Sighting, correlation_at, look_around, probability_of
-from peakmark.identification.detection import Detection, pattern_name
-from peakmark.refine.api import refine
+from peakmark.identification.detection import Detection
+from peakmark.identification.general import align_at
+from peakmark.markers.patterns import Variant
 
 LIKELY = 0.5
 """Probability from which a marker that was looked for counts as seen."""
@@ -102,25 +104,36 @@ def _overlaps(sighting: Sighting, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
     """Return what is seen as a detection, aligned with the printed pattern where that succeeds near."""
     printed = sighting.printed
-    pattern = pattern_name(sighting.polarity, printed.limit, printed.made_for)
-    fit = refine(gray, [sighting.xy], sighting.side_px, pattern)
-    near = bool(fit.converged[0]) and np.linalg.norm(fit.xy[0] - sighting.xy) < SAME_PLACE / 2 * sighting.side_px
-    shape = _turned_like(fit.affine[0], sighting.affinity) if printed.made_for == "sift" and near else fit.affine[0]
-    aligned = correlation_at(gray, fit.xy[0], shape, sighting.polarity, printed) if near else -1.0
+    fit = align_at(gray, sighting.xy, sighting.side_px, Variant(sighting.polarity, printed.limit, printed.made_for))
+    if fit is None or not _is_near(fit, sighting):
+        return _unaligned(sighting)
+    assert fit.affinity is not None
+    if printed.made_for == "sift":  # a round marker shows no rotation
+        fit = replace(fit, affinity=_turned_like(fit.affinity, sighting.affinity))
+    aligned = correlation_at(gray, fit.xy, np.asarray(fit.affinity), sighting.polarity, printed)
+    return replace(fit, probability=probability_of(max(aligned, sighting.correlation), printed))
+
+
+def _unaligned(sighting: Sighting) -> Detection:
+    """Return what is seen as a detection, as it is."""
     return Detection(
         id=-1,
-        xy=fit.xy[0] if near else sighting.xy,
-        size=float(fit.side_px[0]) if near else sighting.side_px,
+        xy=sighting.xy,
+        size=sighting.side_px,
         polarity=sighting.polarity,
         response=0.0,
         signature_distance=np.nan,
         rank=0,
-        affinity=shape if near else sighting.affinity,
-        explained=float(fit.explained[0]) if near else None,
-        probability=probability_of(max(aligned, sighting.correlation), printed),
-        limit=printed.limit,
-        made_for=printed.made_for,
+        affinity=sighting.affinity,
+        probability=probability_of(sighting.correlation, sighting.printed),
+        limit=sighting.printed.limit,
+        made_for=sighting.printed.made_for,
     )
+
+
+def _is_near(fit: Detection, sighting: Sighting) -> bool:
+    ratio = fit.size / sighting.side_px
+    return bool(np.linalg.norm(fit.xy - sighting.xy) < SAME_PLACE / 2 * sighting.side_px and 0.5 < ratio < 2)
 
 
 def _turned_like(shape: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,7 +1,8 @@
 """The fit: OpenCV's calibration to start from, then the weighted reprojection error over camera and poses.
 
 The centres' errors are known up to a common factor (`refine` states them by size), which the fit's own residuals tell,
-and with it the covariance of every parameter.
+and with it the covariance of every parameter. Errors of one photograph are alike, for light, blur and the paper's shape
+are: how far each photograph as a whole pulls at the lens tells a second factor, and the larger one counts.
 """
 
 from collections.abc import Sequence
@@ -27,6 +28,9 @@ WORST_MARKER = 5.0
 WORST_VIEW = 3.0
 """Error of a view over that of the median view, beyond which it is left out: moved, bent, or out of focus."""
 
+
+_LEAST_LEFT = 0.05
+"""Of what a view tells of the lens, the share that the others tell too is taken as at least so much."""
 
 _EXACT = 0.05
 """Whitened error below which nothing is an outlier: a twentieth of what is expected."""
@@ -69,6 +73,8 @@ class Calibration:
     """Markers of used photographs that fit nothing."""
     sigma_factor: float
     """Error of a centre over the expected one."""
+    view_factor: float
+    """The same by how far whole photographs pull at the camera; the larger of both scales the covariance."""
 
     @property
     def sigmas(self) -> NDArray[np.float64]:
@@ -127,8 +133,8 @@ class _Fit:
     """(p,) of the lens."""
     poses: Values
     """(v, 6) camera_from_world: rotation vector, m."""
-    information: Values
-    """(p + 6v, p + 6v) of whitened residuals."""
+    slopes: Values
+    """(r, p + 6v) derivatives of the whitened residuals."""
     residuals: Values
     """(r,) whitened, view by view, x and y by turns."""
 
@@ -196,7 +202,7 @@ def _refined(views: Sequence[BoardView], start: _Fit, lens: Lens) -> _Fit:
     x = np.concatenate([start.values, start.poses.ravel()])
     fit = least_squares(errors, x, slopes, x_scale=scale, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200)
     values, poses = unpacked(fit.x)
-    return _Fit(values, poses, fit.jac.T @ fit.jac, fit.fun)
+    return _Fit(values, poses, fit.jac, fit.fun)
 
 
 def _per_view(views: Sequence[BoardView], fit: _Fit) -> list[Values]:
@@ -230,14 +236,44 @@ def _calibration(
     dropped: tuple[tuple[str, str], ...],
     markers_dropped: int,
 ) -> Calibration:
-    count = len(fit.values)
-    spare = len(fit.residuals) - len(fit.information)
+    unscaled = lens_covariance(fit.slopes, len(fit.values))
+    spare = len(fit.residuals) - fit.slopes.shape[1]
     if spare < 1:
         raise InputError("expected more markers than unknowns; take more photographs of the board")
     factor = float(np.sqrt((fit.residuals**2).sum() / spare))
-    covariance = np.asarray(factor**2 * np.linalg.inv(fit.information)[:count, :count], dtype=np.float64)
+    by_views = factor_by_views(fit.residuals, fit.slopes, [2 * len(view.xy) for view in views], unscaled)
+    covariance = np.asarray(max(factor, by_views) ** 2 * unscaled, dtype=np.float64)
     errors = [-part * view.sigma_px[:, None] for part, view in zip(_per_view(views, fit), views, strict=True)]
     poses = [invert(compose(cv2.Rodrigues(pose[:3])[0], pose[3:])) for pose in fit.poses]
     fits = tuple(ViewFit(view, pose, each) for view, pose, each in zip(views, poses, errors, strict=True))
     camera = lens.camera(size, fit.values)
-    return Calibration(camera, lens.parameters, fit.values, covariance, fits, dropped, markers_dropped, factor)
+    return Calibration(
+        camera, lens.parameters, fit.values, covariance, fits, dropped, markers_dropped, factor, by_views
+    )
+
+
+def lens_covariance(slopes: Values, count: int) -> Values:
+    """Return the (count, count) covariance of the first parameters, from derivatives of residuals of unit variance."""
+    return np.asarray(np.linalg.inv(slopes.T @ slopes)[:count, :count])
+
+
+def factor_by_views(residuals: Values, slopes: Values, sizes: Sequence[int], unscaled: Values) -> float:
+    """Return by how much a fit's σ must grow because the errors of one view are alike; 1 on average where they are not.
+
+    Each view pulls at the p parameters of the lens, with its own pose free, by some multiple of what independent errors
+    would; the mean square over views and parameters counts, corrected for what a view draws the fit towards itself
+    (Bell and McCaffrey's CR2, Survey Methodology 28, 2002). `sizes` are the residuals of each view, `unscaled` is
+    `lens_covariance`.
+    """
+    count = len(unscaled)
+    spread, axes = np.linalg.eigh(unscaled)
+    root = axes * np.sqrt(np.maximum(spread, 0.0)) @ axes.T
+    squares, first = 0.0, 0
+    for number, size in enumerate(sizes):
+        rows = slice(first, first := first + size)
+        by_lens, by_pose = slopes[rows, :count], slopes[rows, count + 6 * number : count + 6 * number + 6]
+        free = by_lens - by_pose @ np.linalg.lstsq(by_pose, by_lens, rcond=None)[0]
+        share, directions = np.linalg.eigh(root @ free.T @ free @ root)
+        pull = directions.T @ root @ free.T @ residuals[rows]
+        squares += float((pull**2 / np.maximum(1 - share, _LEAST_LEFT)).sum())
+    return float(np.sqrt(squares / count))

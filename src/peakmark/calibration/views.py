@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peakmark.found.found import Found
-from peakmark.localise.pose import refined_sigmas
+from peakmark.localise.residuals import refined_sigmas
 from peakmark.maps.marker_map import MarkerMap
 
 FEWEST = 8

@@ -10,7 +10,7 @@ from peaksim.camera.camera import Camera
 from peakmark.arrays.decode import MarkerArray
 from peakmark.found.outline import outline_px
 from peakmark.identification.detection import Detection
-from peakmark.localise.pose import refined_sigmas
+from peakmark.localise.residuals import refined_sigmas
 from peakmark.markers.patterns import Polarity
 
 Corner = tuple[float, float]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.native import function
 
+from peakmark.identification.detection import FitSpread
 from peakmark.markers.patterns import Variant, surf_cells
 from peakmark.markers.profile import MOST_RADII, RADII, sift_profile
 from peakmark.parallel import bands, map_parallel, thread_count
@@ -25,6 +26,9 @@ that nothing covers it is below 0.01."""
 
 RIM = 0.55
 """Half the side, in sides, of what the last fit takes in: paper is white for half a cell around the pattern."""
+
+MOST_EXPECTED = 0.95
+"""Of what is known of a marker's perspective, the share that may have been expected beforehand."""
 
 CELLS = 11
 """Along each side: the pattern's nine, and one beyond on either side."""
@@ -197,20 +201,35 @@ def align_candidates(
 
 def finished(
     gray: NDArray[np.uint8], aligned: Aligned, row: int, variant: Variant, focal_px: float | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return an alignment's parameters (18,) after its last fit, with the pattern's rim, and its centre's covariance.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return an alignment's parameters (18,) after its last fit, with the pattern's rim, and how sure they are.
 
-    The covariance is (2, 2), px²; rounding adds (0.003 px)² where there is no noise. The focal length is the image's
+    That is the covariance (8, 8) of centre, affinity and perspective, to which rounding adds (0.003 px)² where there is
+    no noise, and the precision with which no perspective was expected beforehand. The focal length is the image's
     longer side unless given.
     """
     center, side_px = aligned.centers[row], float(aligned.sizes_px[row])
-    extent = extent_of(variant)
+    extent, focal = extent_of(variant), float(focal_px or max(gray.shape))
     rim = RIM if variant.made_for == "surf" else extent + 1e-6  # its last fit takes no rim, but perspective
-    extra = (extent, rim, float(focal_px or max(gray.shape)), float(aligned.cuts[row]))
+    extra = (extent, rim, focal, float(aligned.cuts[row]))
     pattern = lit_pattern(variant, MOST_RADII)
     theta, covariance = finish_in_light(gray, aligned.theta[row], center, side_px, *pattern, *extra)
     is_rounded = aligned.noise[row] < DITHER**2
-    return theta, np.asarray(covariance[:2, :2] + is_rounded * FLOOR_PX**2 * np.eye(2))
+    rounding = is_rounded * FLOOR_PX**2 * np.diag([1.0] * 6 + [0.0] * 2)
+    return theta, np.asarray(covariance[:8, :8] + rounding), (focal / side_px) ** 2
+
+
+def spread_of(covariance: NDArray[np.float64], precision: float) -> FitSpread:
+    """Return how far a fit is off whose (8, 8) covariance counts that no perspective was expected beforehand.
+
+    Given the true perspective g, what was expected is no chance any more: it moves the fit by a fixed amount.
+    """
+    variances, axes = np.linalg.eigh(covariance[6:, 6:])
+    share = np.minimum(precision * variances, MOST_EXPECTED)
+    by_perspective = covariance[:, 6:] @ axes
+    drawn = by_perspective * (share / variances) @ axes.T
+    known = by_perspective * (share / variances) @ by_perspective.T
+    return FitSpread(covariance - known, drawn)
 
 
 def noise_sigma_of(gray: NDArray[np.uint8]) -> float:

@@ -18,6 +18,20 @@ SIDE_OF_SCALE = 1.09
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 
+@dataclass(frozen=True, eq=False)
+class FitSpread:
+    """How far an alignment's (x, y, a11, a12, a21, a22, g1, g2) is off: centre, affinity, perspective; px and sides.
+
+    The alignment takes perspective for slight, which draws all of it: to a true perspective g it finds, on average, the
+    truth less `drawn` g.
+    """
+
+    covariance: NDArray[np.float64]
+    """(8, 8) around that."""
+    drawn: NDArray[np.float64]
+    """(8, 2)."""
+
+
 @dataclass(frozen=True)
 class Detection:
     """An identified marker."""
@@ -46,6 +60,8 @@ class Detection:
     """(2,) g of ``x = xy + affinity u / (1 + g·u)``, per side, of a pattern point u; None by the other rules."""
     covariance: NDArray[np.float64] | None = None
     """(2, 2) of the centre, px², from the residuals of the alignment; None by the other rules."""
+    spread: "FitSpread | None" = None
+    """How far centre, affinity and perspective may be off together; None where `covariance` is."""
     limit: Limit = "energy"
     """Of its pattern: "energy", the paper's, or "range", the binary one."""
     made_for: Made = "surf"

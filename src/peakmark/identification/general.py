@@ -9,10 +9,11 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from peakmark.identification.alignment import (
     Aligned,
@@ -21,11 +22,12 @@ from peakmark.identification.alignment import (
     finished,
     noise_sigma_of,
     span_of,
+    spread_of,
     start_of,
     together,
 )
 from peakmark.identification.candidates import MarkerCandidates, distinct_rows, joined
-from peakmark.identification.detection import Detection
+from peakmark.identification.detection import Detection, FitSpread
 from peakmark.identification.families import FAMILIES, SOURCES, Family
 from peakmark.identification.marker_evidence import COLUMNS, marker_evidence
 from peakmark.identification.marker_model import MarkerModel, shipped_model
@@ -259,24 +261,60 @@ def _detection(
     gray: NDArray[np.uint8], found: Alignments, row: int, number: int, probability: float, focal_px: float | None
 ) -> Detection:
     """Return one alignment as a detection, upright."""
-    aligned, responses, variant = found.aligned, found.candidates.responses, found.variants[row]
-    theta, covariance = finished(gray, aligned, row, variant, focal_px)
-    affine = theta[2:6].reshape(2, 2) / span_of(variant)
-    rotation = upright_rotation(affine[None])[0]
+    responses, variant = found.candidates.responses, found.variants[row]
     unexplained = np.exp(-found.evidence[row, COLUMNS.index("unexplained")])
     return Detection(
         id=number,
-        xy=theta[:2],
-        size=float(np.sqrt(np.abs(np.linalg.det(affine)))),
         polarity=variant.polarity,
         limit=variant.limit,
         made_for=variant.made_for,
         response=float(responses[row]),
         signature_distance=float(found.evidence[row, len(COLUMNS)]) if variant.made_for == "sift" else np.nan,
         rank=1 + int((responses > responses[row]).sum()),
-        affinity=affine @ rotation,
         explained=float(1 - min(unexplained, 1.0)),
         probability=probability,
-        perspective=rotation.T @ theta[6:8] / span_of(variant),
-        covariance=covariance,
+        **_measured(gray, found.aligned, row, variant, focal_px),
+    )
+
+
+def _measured(
+    gray: NDArray[np.uint8], aligned: Aligned, row: int, variant: Variant, focal_px: float | None = None
+) -> dict[str, Any]:
+    """Return what a last fit measures, as fields of a `Detection`, upright."""
+    theta, covariance, precision = finished(gray, aligned, row, variant, focal_px)
+    span = span_of(variant)
+    affine = theta[2:6].reshape(2, 2) / span
+    rotation = upright_rotation(affine[None])[0]
+    spread = spread_of(covariance, precision)
+    turn = block_diag(np.eye(2), rotation.T / span, rotation.T / span, rotation.T / span)
+    upright = FitSpread(turn @ spread.covariance @ turn.T, turn @ spread.drawn @ rotation * span)
+    return {
+        "xy": theta[:2],
+        "size": float(np.sqrt(np.abs(np.linalg.det(affine)))),
+        "affinity": affine @ rotation,
+        "perspective": rotation.T @ theta[6:8] / span,
+        "covariance": covariance[:2, :2],
+        "spread": upright if variant.made_for == "surf" and np.isfinite(upright.covariance).all() else None,
+    }
+
+
+def align_at(gray: NDArray[np.uint8], xy: NDArray[np.float64], side_px: float, variant: Variant) -> Detection | None:
+    """Return the marker near a position where one is known to stand, aligned as those of a search; None without one.
+
+    It has id −1, rank 0, no response and no probability.
+    """
+    aligned = align_candidates(gray, xy[None], np.array([side_px * span_of(variant)]), variant, noise_sigma_of(gray))
+    if not len(aligned.rows):
+        return None
+    after_plane, after_pattern = aligned.figures[0, 1], aligned.figures[0, 3]
+    return Detection(
+        id=-1,
+        polarity=variant.polarity,
+        limit=variant.limit,
+        made_for=variant.made_for,
+        response=0.0,
+        signature_distance=np.nan,
+        rank=0,
+        explained=float(1 - min(after_pattern / max(after_plane, 1e-9), 1.0)),
+        **_measured(gray, aligned, 0, variant),
     )

@@ -14,7 +14,8 @@ from peaksim.camera.camera import Camera
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
 from peakmark.identification.detection import Detection
-from peakmark.localise.pose import Correspondences, PoseEstimate, estimate_pose
+from peakmark.localise.pose import PoseEstimate, estimate_pose
+from peakmark.localise.residuals import Correspondences
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,8 @@ from peakmark.errors import InputError
 from peakmark.localise.distance import Values, unit_rays
 from peakmark.localise.floor import Floor, floor_from_areas, floor_from_shapes, on_floor
 from peakmark.localise.match import Arrangement, arrangements
-from peakmark.localise.pose import (
-    SIGMA_PX,
-    Correspondences,
-    PoseEstimate,
-    expected_shapes,
-    level_tangents,
-    refine_pose,
-    refined_sigmas,
-)
+from peakmark.localise.pose import PoseEstimate, expected_shapes, level_tangents, refine_pose
+from peakmark.localise.residuals import SIGMA_PX, Correspondences, refined_sigmas
 
 FEWEST = 4
 """Matched markers that a pose needs where their shapes are known."""

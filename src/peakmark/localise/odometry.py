@@ -19,7 +19,8 @@ from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, unit_rays
 from peakmark.localise.floor import floor_from_shapes, floor_of_pose, on_floor
-from peakmark.localise.pose import STEP, Correspondences, Residuals, level_tangents, moved, refined_sigmas
+from peakmark.localise.pose import STEP, level_tangents, moved
+from peakmark.localise.residuals import Correspondences, Residuals, refined_sigmas
 
 FEWEST_SHARED = 2
 """Markers of the chart that a frame must show."""

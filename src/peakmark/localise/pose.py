@@ -1,7 +1,6 @@
 """The camera's pose from markers whose positions in the world are known: OpenCV's PnP, then the reprojection error."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -11,12 +10,7 @@ from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rigid, t
 from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values
-
-SIGMA_PX = 0.25
-"""Assumed error of a centre and, at the ends of its sides, of a shape; refined markers stay below it."""
-
-SIGMA_LOG_SIDE = 0.08
-"""Assumed relative error of a side that SURF's scale measures; set by hand."""
+from peakmark.localise.residuals import Correspondences, Residuals, pixels_per_slope, projected
 
 CERTAIN = 8.0
 """Log-likelihood by which a pose must beat its rival: odds of 3000 to 1 if errors were independent. Kass and Raftery
@@ -27,9 +21,6 @@ SAME_M, SAME_DEG = 1e-3, 0.057
 
 STEP = 1e-6
 """Of numerical derivatives, radians and metres: far above rounding, far below the curvature."""
-
-_FAR = 1e3
-"""Where a point behind the camera is projected to, in focal lengths: an error too large to prefer."""
 
 
 @dataclass(frozen=True)
@@ -63,26 +54,6 @@ class PoseEstimate:
     def is_certain(self) -> bool:
         """Whether no other pose comes within `CERTAIN`."""
         return self.margin >= CERTAIN
-
-
-@dataclass(frozen=True)
-class Correspondences:
-    """Markers as the camera sees them, with where they are in the world."""
-
-    xy: NDArray[np.float64]
-    """(n, 2) seen centres, px."""
-    centers_m: NDArray[np.float64]
-    """(n, 3) true centres, world."""
-    tangents_m: NDArray[np.float64]
-    """(n, 3, 2) two perpendicular directions in each marker's plane, as long as its side, world."""
-    affinity: NDArray[np.float64] | None = None
-    """(n, 2, 2) seen shapes, px per side; None uses the centres alone."""
-    side_px: NDArray[np.float64] | None = None
-    """(n,) seen sides (square roots of the areas), px, where there are no shapes."""
-    sigma_px: float | NDArray[np.float64] = SIGMA_PX
-    """Error that the residuals of centres, of all or (n,) each, are divided by."""
-    shape_sigma_px: float | NDArray[np.float64] | None = None
-    """The same for shapes; None: as for centres."""
 
 
 def estimate_pose(
@@ -163,87 +134,9 @@ def expected_shapes(
         outside = ~camera.contains(xy)
     xy[outside] = np.nan
     shapes = np.full((len(xy), 2, 2), np.nan)
-    _, slopes = _projected(world_from_camera[None], centers_m, tangents_m)
+    _, slopes, _ = projected(world_from_camera[None], centers_m, tangents_m)
     shapes[~outside] = pixels_per_slope(camera, xy[~outside]) @ slopes[0, ~outside]
     return xy, shapes
-
-
-def pixels_per_slope(camera: Camera, xy: NDArray[np.float64]) -> Values:
-    """Return (n, 2, 2) derivatives of the pixel by the ray's x/z and y/z, by central differences."""
-    ends = xy + 0.5 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])[:, None]
-    rays = camera.unproject(ends.reshape(-1, 2)).reshape(4, -1, 3)
-    flat = rays[:, :, :2] / rays[:, :, 2:]
-    return np.asarray(np.linalg.inv(np.stack([flat[0] - flat[2], flat[1] - flat[3]], axis=2)))
-
-
-class Residuals(NamedTuple):
-    """Errors of markers in multiples of their σ, as a function of the camera's pose."""
-
-    seen: Correspondences
-    flat: Values
-    """(n, 2) x/z and y/z of the seen rays."""
-    scale: Values
-    """(n, 2, 2) px per unit of `flat`."""
-
-    @classmethod
-    def of(cls, camera: Camera, seen: Correspondences) -> "Residuals":
-        """Prepare what does not depend on the pose."""
-        rays = camera.unproject(seen.xy)
-        return cls(seen, rays[:, :2] / rays[:, 2:], pixels_per_slope(camera, seen.xy))
-
-    def at(self, poses: NDArray[np.float64], centers_m: NDArray[np.float64] | None = None) -> Values:
-        """Return (k, r) errors for (k, 4, 4) poses: 2n of the centres, then 3n of the shapes or n of the sides.
-
-        A shape A is compared with the projected one B by A Aᵀ − B Bᵀ, which does not depend on the marker's
-        rotation in its plane, along the axes of A. `centers_m` (k, n, 3) stands in for their own centres.
-        """
-        seen = self.seen
-        flat, slopes = _projected(poses, seen.centers_m if centers_m is None else centers_m, seen.tangents_m)
-        errors = np.einsum("nij,knj->kni", self.scale, self.flat - flat) / _column(seen.sigma_px)
-        parts = [errors.reshape(len(poses), -1)]
-        shapes = self.scale @ slopes
-        if seen.affinity is not None:
-            sigma = _column(seen.sigma_px if seen.shape_sigma_px is None else seen.shape_sigma_px)
-            parts.append((_shape_errors(seen.affinity, shapes) / sigma).reshape(len(poses), -1))
-        elif seen.side_px is not None:
-            areas = np.abs(np.linalg.det(shapes))
-            parts.append(np.log(seen.side_px**2 / np.maximum(areas, 1e-6)) / (2 * SIGMA_LOG_SIDE))
-        return np.concatenate(parts, axis=1)
-
-
-def _column(sigma: float | NDArray[np.float64]) -> Values:
-    return np.asarray(sigma, dtype=np.float64).reshape(-1, 1)
-
-
-def refined_sigmas(affinity: NDArray[np.float64]) -> tuple[Values, Values]:
-    """Return (n,) errors, px, of the centres and of the shapes of (n, 2, 2) refined markers.
-
-    Measured on 590 markers of a ride with motion blur and noise: a centre gains from all edges of the pattern, a
-    shape trades against blur, which tells most on small markers. Shapes count half, for their errors are alike in a
-    frame.
-    """
-    side_px = np.sqrt(np.abs(np.linalg.det(affinity)))
-    return 0.01 + 0.4 / side_px, 0.08 + 120 / side_px**2
-
-
-def _projected(poses: NDArray[np.float64], centers_m: Values, tangents_m: Values) -> tuple[Values, Values]:
-    """Return (k, n, 2) x/z and y/z of points, and (k, n, 2, 2) their derivatives along tangents; far off if behind."""
-    rotations = poses[:, :3, :3]
-    points = (centers_m - poses[:, None, :3, 3]) @ rotations
-    along = np.swapaxes(rotations, 1, 2)[:, None] @ tangents_m
-    depth = np.maximum(points[:, :, 2:], 1e-3)
-    flat = np.where(points[:, :, 2:] > 0, points[:, :, :2] / depth, _FAR)
-    return flat, (along[:, :, :2] - flat[..., None] * along[:, :, 2:]) / depth[..., None]
-
-
-def _shape_errors(affinity: NDArray[np.float64], expected: NDArray[np.float64]) -> Values:
-    """Return (k, n, 3) errors in px at the ends of the sides: along both axes of the seen shape, and between them."""
-    axes, lengths, _ = np.linalg.svd(affinity)
-    spans = np.swapaxes(axes, 1, 2) @ expected
-    excess = -spans @ np.swapaxes(spans, 2, 3)
-    excess[..., [0, 1], [0, 1]] += lengths**2
-    both = excess[..., 0, 1] / np.linalg.norm(lengths, axis=1)
-    return np.stack([excess[..., 0, 0] / (2 * lengths[:, 0]), excess[..., 1, 1] / (2 * lengths[:, 1]), both], axis=-1)
 
 
 def candidate_poses(camera: Camera, xy: NDArray[np.float64], points_m: NDArray[np.float64]) -> list[Pose]:

@@ -11,7 +11,7 @@ from peaksim.geometry.pose import Pose
 from peakmark.arrays.decode import MarkerArray
 from peakmark.found.found import Found
 from peakmark.localise.from_arrays import Place, pose_from_arrays
-from peakmark.localise.pose import refined_sigmas
+from peakmark.localise.residuals import refined_sigmas
 from peakmark.markers.array_code import Layout
 
 _AXES = np.array([[1.0, 0.0], [0.0, -1.0], [0.0, 0.0]])

@@ -22,17 +22,9 @@ from peakmark.identification.detection import Detection
 from peakmark.localise.from_arrays import pose_from_arrays, rotated_to
 from peakmark.localise.locate import FEWEST, FloorMap
 from peakmark.localise.locate import locate as locate_on_floor
-from peakmark.localise.pose import (
-    STEP,
-    Correspondences,
-    PoseEstimate,
-    PoseFit,
-    Residuals,
-    estimate_pose,
-    expected_shapes,
-    moved,
-    refined_sigmas,
-)
+from peakmark.localise.pose import STEP, PoseEstimate, PoseFit, estimate_pose, expected_shapes, moved
+from peakmark.localise.residuals import Correspondences, MarkerFits, Residuals
+from peakmark.localise.uncertainty import marker_fits
 from peakmark.maps.marker_map import MarkerMap
 from peakmark.markers.patterns import Polarity
 
@@ -47,6 +39,9 @@ _WORST = 6.0
 
 _LEAST_ERROR = 0.1
 """Of a centre, px, that is left in, however well the others fit."""
+
+_EXPECTED = 8.0
+"""So many residuals the markers' stated σ count as, against those of the image, in a pose's covariance."""
 
 _SAME_PLANE = 1e-3
 """Distance, metres, and change of the normal up to which markers lie in one plane."""
@@ -191,6 +186,8 @@ class Seen:
     """(n, 2) centres, px."""
     affinity: NDArray[np.float64]
     """(n, 2, 2) px per side."""
+    fits: MarkerFits
+    """Of `marker_fits`."""
     signs: NDArray[np.intp]
     """(n,) +1 for dark, −1 for light, 0 where it is not known."""
 
@@ -202,6 +199,7 @@ class Seen:
             np.array(rows, dtype=np.intp),
             np.array([markers[row].xy for row in rows]).reshape(-1, 2),
             np.array([markers[row].affinity for row in rows]).reshape(-1, 2, 2),
+            marker_fits([markers[row] for row in rows]),
             signs_of([markers[row].polarity for row in rows]),
         )
 
@@ -313,7 +311,7 @@ def _misfit(seen: Seen, marker_of: NDArray[np.intp], fit: PoseFit) -> int | None
     if len(rows) <= FEWEST:
         return None
     errors = np.linalg.norm(fit.errors_px, axis=1)
-    off = errors / refined_sigmas(seen.affinity[rows])[0]
+    off = errors / np.sqrt(np.linalg.eigvalsh(seen.fits.covariance[rows, :2, :2])[:, 1])
     worst = int(np.argmax(off))
     is_far = off[worst] > _WORST * max(1.0, float(np.median(off))) and errors[worst] > _LEAST_ERROR
     return int(rows[worst]) if is_far else None
@@ -353,23 +351,27 @@ def _estimate(
 
 def _correspondences(seen: Seen, piece: MarkerMap, marker_of: NDArray[np.intp]) -> Correspondences:
     rows = np.flatnonzero(marker_of >= 0)
-    center_sigma, shape_sigma = refined_sigmas(seen.affinity[rows])
     return Correspondences(
         xy=seen.xy[rows],
         centers_m=piece.centers_m[marker_of[rows]],
         tangents_m=piece.tangents_m[marker_of[rows]],
         affinity=seen.affinity[rows],
-        sigma_px=center_sigma,
-        shape_sigma_px=shape_sigma,
+        fits=seen.fits[rows],
+        alike=seen.signs[rows],
     )
 
 
 def pose_covariance(camera: Camera, markers: Correspondences, world_from_camera: Pose) -> NDArray[np.float64]:
-    """Return the (6, 6) covariance of a fitted pose, see `Location`; errors larger than assumed enlarge it."""
+    """Return the (6, 6) covariance of a fitted pose, see `Location`.
+
+    The markers' own σ give it up to a factor: what the residuals say of that, with `_EXPECTED` more that are as they
+    should be, counts; its expected value, for few residuals tell it badly.
+    """
     residuals = Residuals.of(camera, markers)
     steps = np.concatenate([STEP * np.eye(6), -STEP * np.eye(6), np.zeros((1, 6))])
     values = residuals.at(np.stack([moved(world_from_camera, step) for step in steps]))
     slopes = (values[:6] - values[6:12]).T / (2 * STEP)
-    spare = len(slopes) - 6
-    excess = max(1.0, float((values[12] ** 2).sum()) / spare) if spare > 0 else 1.0
-    return np.asarray(excess * np.linalg.pinv(slopes.T @ slopes))
+    measurements = len(slopes) if markers.fits is None else markers.fits.measurements
+    spare = max(measurements - 6, 0)
+    factor = (_EXPECTED + float((values[12] ** 2).sum())) / (_EXPECTED + spare - 2)
+    return np.asarray(factor * np.linalg.pinv(slopes.T @ slopes))

@@ -75,6 +75,26 @@ def test_the_stated_covariance_is_that_of_the_errors() -> None:
     assert chi2.ppf(0.0005, count) < nees < chi2.ppf(0.9995, count)
 
 
+def test_errors_that_a_whole_photograph_has_in_common_are_told() -> None:
+    """Markers of one view that err alike, as by light or a curled board, tell less than their number says."""
+    rng, nees, count, alone = np.random.default_rng(3), 0.0, 0, 0.0
+    for _ in range(12):
+        views = []
+        for pose in poses(12, rng):
+            exact = view(BROWN, pose, rng)
+            u = exact.points_m[:, :2] / 0.18
+            bend = 0.05 * np.column_stack([u**2, u[:, :1] * u[:, 1:]]) @ rng.standard_normal((3, 2))
+            views.append(replace(exact, xy=exact.xy + bend))
+        found = calibrate(views, SIZE)
+        error = found.values - true_values(BROWN, len(found.values))
+        nees += float(error @ np.linalg.solve(found.covariance, error))
+        unscaled = found.covariance / found.view_factor**2 * found.sigma_factor**2
+        alone += float(error @ np.linalg.solve(unscaled, error))
+        count += len(error)
+    assert chi2.ppf(0.0005, count) < nees < chi2.ppf(0.9995, count)
+    assert alone > 2 * chi2.ppf(0.9995, count)
+
+
 def test_the_factor_of_the_errors_is_told() -> None:
     rng = np.random.default_rng(1)
     found = calibrate([view(BROWN, pose, rng) for pose in poses(12, rng)], SIZE)

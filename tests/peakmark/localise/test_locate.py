@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from peakmark.errors import InputError
 from peakmark.localise.floor import floor_of_pose
 from peakmark.localise.locate import FEWEST, FloorMap, locate
-from peakmark.localise.pose import CERTAIN, refined_sigmas
+from peakmark.localise.pose import CERTAIN
+from peakmark.localise.residuals import refined_sigmas
 from tests.floor_views import CAMERA, SIDE_M, Seen, apart, pose_at, view, winding_map
 
 views = {

@@ -7,18 +7,8 @@ from hypothesis import strategies as st
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import invert, look_at, transform
 
-from peakmark.localise.pose import (
-    CERTAIN,
-    Correspondences,
-    PoseEstimate,
-    PoseFit,
-    Residuals,
-    estimate_pose,
-    expected_shapes,
-    moved,
-    refine_pose,
-    refined_sigmas,
-)
+from peakmark.localise.pose import CERTAIN, PoseEstimate, PoseFit, estimate_pose, expected_shapes, moved, refine_pose
+from peakmark.localise.residuals import Correspondences, Residuals, refined_sigmas
 from tests.floor_views import CAMERA, SIDE_M, apart, pose_at, view, winding_map
 
 WIDE = Camera(1024, 768, 500.0, 520.0, 500.0, 390.0, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0))

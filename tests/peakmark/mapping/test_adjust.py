@@ -13,7 +13,8 @@ from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError
 from peakmark.found.found import Found
 from peakmark.identification.detection import Detection
-from peakmark.localise.pose import expected_shapes, refined_sigmas
+from peakmark.localise.pose import expected_shapes
+from peakmark.localise.residuals import refined_sigmas
 from peakmark.mapping.adjust import BuiltMap, build_map
 from peakmark.mapping.sightings import cell_points_m, sightings_of
 from peakmark.markers.array_code import Layout, polarities_of

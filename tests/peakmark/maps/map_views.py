@@ -5,7 +5,8 @@ from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose
 
 from peakmark.identification.detection import Detection
-from peakmark.localise.pose import expected_shapes, refined_sigmas
+from peakmark.localise.pose import expected_shapes
+from peakmark.localise.residuals import refined_sigmas
 from peakmark.maps.marker_map import MarkerMap
 
 

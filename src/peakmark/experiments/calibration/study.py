@@ -1,11 +1,13 @@
 """Simulated cameras, and the poses from which each photographs a board; nothing of them is told to the calibration."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor
+from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, invert
 from scipy.spatial.transform import Rotation
 
@@ -54,7 +56,7 @@ def simulated_camera(config: StudyConfig, number: int) -> SimulatedCamera:
     """Return one of the cameras: lens, sensor and poses are random, and depend on the seed and the number alone."""
     rng = np.random.default_rng((config.seed, number))
     is_fisheye = (number + 1) * config.fisheyes // config.cameras > number * config.fisheyes // config.cameras
-    camera = _fisheye(rng) if is_fisheye else _pinhole(rng)
+    camera = _camera(rng, is_fisheye)
     sensor = Sensor(
         lens_blur_px=float(rng.uniform(0.4, 1.0)),
         vignetting=float(rng.uniform(0.0, 0.3)),
@@ -64,6 +66,13 @@ def simulated_camera(config: StudyConfig, number: int) -> SimulatedCamera:
     )
     poses = tuple(_pose(camera, rng, cell, view % 2 == 0) for view, cell in enumerate(_cells(config.views, rng)))
     return SimulatedCamera(camera, sensor, "fisheye" if is_fisheye else "brown5", poses)
+
+
+def _camera(rng: np.random.Generator, is_fisheye: bool) -> Camera:
+    """Return a camera whose lens does not fold its image."""
+    while True:
+        with suppress(SceneError):
+            return _fisheye(rng) if is_fisheye else _pinhole(rng)
 
 
 def _pinhole(rng: np.random.Generator) -> Camera:
