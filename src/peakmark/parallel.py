@@ -5,7 +5,9 @@ for any number of threads.
 """
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import TypeVar
@@ -59,6 +61,44 @@ def map_parallel(work: Callable[[Task], Result], tasks: Iterable[Task]) -> list[
     Raises what `work` raises, once no thread works on these tasks any more.
     """
     return map_in_threads(work, tasks, thread_count())
+
+
+def map_ahead(work: Callable[[Task], Result], tasks: Iterable[Task], count: int) -> Iterator[tuple[Task, Result]]:
+    """Yield each task with `work(task)` in the order of the tasks, which may be endless.
+
+    `count` threads work side by side, and each on one thread; the caller's thread draws the tasks, at most `count` more
+    than it has yielded, so that a film is decoded while its frames are worked on. With 1 all is done in the caller's
+    thread, and each task is yielded before the next is drawn. What `work` or `tasks` raise comes in its turn.
+    """
+    if count == 1:
+        yield from ((task, work(task)) for task in tasks)
+        return
+    drawn = iter(tasks)
+    waiting: deque[tuple[Task, Future[Result]]] = deque()
+    ended: Exception | None = None
+
+    def draw_one() -> None:
+        nonlocal ended
+        if ended is None:
+            try:
+                task = next(drawn)
+            except Exception as error:  # the end, or what the tasks raise: after all that came before it
+                ended = error
+            else:
+                waiting.append((task, pool.submit(work, task)))
+
+    with threads(1), ThreadPoolExecutor(count, "peakmark-ahead") as pool:
+        try:
+            for _ in range(count):
+                draw_one()
+            while waiting:
+                draw_one()
+                task, future = waiting.popleft()
+                yield task, future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+    if ended is not None and not isinstance(ended, StopIteration):
+        raise ended
 
 
 def bands(length: int, count: int) -> list[tuple[int, int]]:

@@ -1,9 +1,11 @@
 """The thread pool: order, count and forks."""
 
+import itertools
 import os
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
@@ -27,6 +29,41 @@ def test_bands_cover_the_range_once_and_evenly(length: int, count: int) -> None:
 def test_results_come_in_the_order_of_the_tasks(count: int) -> None:
     with parallel.threads(count):
         assert parallel.map_parallel(lambda x: x * x, range(50)) == [x * x for x in range(50)]
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_tasks_are_drawn_little_ahead_and_come_in_their_order(count: int) -> None:
+    drawn: list[int] = []
+
+    def endless() -> Iterator[int]:
+        for number in itertools.count():
+            drawn.append(number)
+            yield number
+
+    for number, (task, result) in enumerate(parallel.map_ahead(lambda x: x * x, endless(), count)):
+        assert (task, result) == (number, number * number)
+        assert len(drawn) <= number + 1 + count
+        if number == 20:
+            break
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_what_ends_the_tasks_comes_after_their_results(count: int) -> None:
+    def broken() -> Iterator[int]:
+        yield from (1, 2)
+        raise ValueError("cut")
+
+    got: list[int] = []
+    with pytest.raises(ValueError, match="cut"):
+        got.extend(result for _, result in parallel.map_ahead(lambda x: 10 * x, broken(), count))
+    assert got == [10, 20]
+
+
+def test_work_ahead_is_done_on_one_thread_each() -> None:
+    with parallel.threads(4):
+        counts = [result for _, result in parallel.map_ahead(lambda _: parallel.thread_count(), range(5), 3)]
+        assert counts == [1] * 5
+        assert parallel.thread_count() == 4
 
 
 def test_several_threads_work() -> None:

@@ -1,6 +1,6 @@
 """`peakmark identify`: markers and arrays in images, folders, films, or a camera's images."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -18,7 +18,15 @@ from peakmark.cli.identify_files import Identified, Sought, identify_images, key
 from peakmark.cli.locating import Locator, StampedPose, are_in_order, check_ending, write_poses
 from peakmark.cli.options import Quiet, UnusedSeed
 from peakmark.cli.recording import recording_into
-from peakmark.cli.sources import FailedFile, SourceImage, expanded, image_count, read_camera, read_sources
+from peakmark.cli.sources import (
+    FailedFile,
+    SourceImage,
+    expanded,
+    image_count,
+    read_camera,
+    read_sources,
+    with_failures,
+)
 from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.errors import InputError, check_choice, one_line
 from peakmark.experiments.journal import Journal
@@ -28,6 +36,7 @@ from peakmark.identification.families import SOURCES
 from peakmark.maps.files import load_map
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
+from peakmark.parallel import thread_count
 from peakmark.plain import from_plain, to_plain
 from peakmark.recording.recorder import check_recording
 
@@ -83,6 +92,9 @@ def identify(
     raw_orientation: Annotated[
         bool, Option("--raw-orientation", help="Pixels as the sensor read them out, not rotated as viewers show them.")
     ] = False,
+    workers: Annotated[
+        int | None, Option(help="Images at a time, each on one thread. [default: the processors]", min=1, max=1024)
+    ] = None,
     seed: UnusedSeed = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -108,7 +120,8 @@ def identify(
 
     read = None if locator is None or raw_orientation else locator.read
     is_upright = not raw_orientation and calibration is None
-    images = read_sources(named, is_upright, fail, read) if camera is None else read_camera(camera, frames)
+    unread: deque[FailedFile] = deque()
+    images = read_sources(named, is_upright, unread.append, read) if camera is None else read_camera(camera, frames)
     settings = {"sources": named, **to_plain(sought), "raw_orientation": raw_orientation}
     settings |= {"calibration": calibration, "map": map, "scale_bar_mm": scale_bar_mm, "scaled": scale_calibration}
     target = out if out is not None else poses
@@ -119,7 +132,9 @@ def identify(
     ended = resumable(how) if camera is None else suppress(KeyboardInterrupt)  # which is how a camera's run ends
     skip = None if len(named) == 1 and total is not None else fail
     with recording_into(record, locator) as add, ended, progress_bar(console, "identify", total) as bar:
-        for each, identified in identify_images(images, sought, journal, overlay, locator, skip):
+        chosen = with_failures(images, unread)
+        count = 1 if total == 1 or camera is not None else workers or thread_count()
+        for each, identified in identify_images(chosen, sought, journal, overlay, locator, skip, count):
             summary.add(each, identified)
             add(each, identified)
             bar.advance()

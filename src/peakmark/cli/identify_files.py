@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,6 +24,7 @@ from peakmark.maps.locate import location_or_reason
 from peakmark.markers.array_code import THREE_BIT
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
+from peakmark.parallel import map_ahead
 from peakmark.plain import from_plain, to_plain
 from peakmark.recording.bag import split_topic
 from peakmark.report.film import film
@@ -72,41 +74,59 @@ class Identified:
 
 
 def identify_images(
-    images: Iterable[SourceImage],
+    images: Iterable[SourceImage | FailedFile],
     sought: Sought,
     journal: Journal | None = None,
     overlays: Path | None = None,
     locator: Locator | None = None,
     on_failure: OnFailure | None = None,
+    workers: int = 1,
 ) -> Iterator[tuple[SourceImage, Identified]]:
     """Yield each image with what was found in it; what the journal has is not done again.
 
     `overlays` is a folder that gets a drawing of each image, and a film of the drawings of each film. With a `locator`
-    positions are undistorted, too, and the camera's pose is told; images of another size than the calibration's go to
-    `on_failure` where it is given.
+    positions are undistorted, too, and the camera's pose is told. Images of another size than the calibration's, and
+    what could not be read, go to `on_failure` where it is given. Several `workers` are threads that work on images side
+    by side; what comes, and in which order, does not depend on them.
 
     Raises
     ------
     InputError
         If the polarity, a detector or the limit is unknown, or a drawing cannot be written.
     """
+    work = partial(_outcome, sought=sought, locator=locator, journal=journal)
     with Drawings.into(overlays) as drawings:
-        for each in images:
-            key = key_of(each)
-            if journal is not None and key in journal.records:
-                identified = from_plain(Identified, journal.records[key])
-            else:
-                try:
-                    identified = _identified(each, sought, locator)
-                except ImageError as error:
-                    if on_failure is None:
-                        raise
-                    on_failure(FailedFile(each.name, str(error)))
-                    continue
-                if journal is not None:
-                    journal.add(key, to_plain(identified))
-            drawings.add(each, identified.rows)
-            yield each, identified
+        for each, outcome in map_ahead(work, images, workers):
+            if isinstance(each, FailedFile) or isinstance(outcome, ImageError):
+                _fail(each, outcome, on_failure)
+                continue
+            assert outcome is not None
+            if journal is not None and key_of(each) not in journal.records:
+                journal.add(key_of(each), to_plain(outcome))
+            drawings.add(each, outcome.rows)
+            yield each, outcome
+
+
+def _outcome(
+    each: SourceImage | FailedFile, sought: Sought, locator: Locator | None, journal: Journal | None
+) -> Identified | ImageError | None:
+    """Return what is in an image, from the journal if that has it, or why it cannot be told; None of what is none."""
+    if isinstance(each, FailedFile):
+        return None
+    key = key_of(each)
+    if journal is not None and key in journal.records:
+        return from_plain(Identified, journal.records[key])
+    try:
+        return _identified(each, sought, locator)
+    except ImageError as error:
+        return error
+
+
+def _fail(each: SourceImage | FailedFile, outcome: object, on_failure: OnFailure | None) -> None:
+    reason = each.reason if isinstance(each, FailedFile) else str(outcome)
+    if on_failure is None:
+        raise outcome if isinstance(outcome, ImageError) else ImageError(reason)
+    on_failure(FailedFile(each.name, reason))
 
 
 def _identified(each: SourceImage, sought: Sought, locator: Locator | None) -> Identified:

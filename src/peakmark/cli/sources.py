@@ -1,7 +1,8 @@
 """What commands read: images, folders of them, films, bags, cameras; bad files are named and left out."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from glob import glob, has_magic
 from itertools import count
@@ -134,6 +135,19 @@ def read_sources(
             if len(sources) == 1:
                 raise
             on_failure(FailedFile(Path(source).name, str(error)))
+
+
+def with_failures(images: Iterable[SourceImage], failed: deque[FailedFile]) -> Iterator[SourceImage | FailedFile]:
+    """Yield images, and in their turn what reading them puts into `failed`, which is emptied."""
+
+    def taken() -> Iterator[FailedFile]:
+        while failed:
+            yield failed.popleft()
+
+    for each in images:
+        yield from taken()
+        yield each
+    yield from taken()
 
 
 def expanded(sources: Sequence[str]) -> list[str]:

@@ -146,6 +146,17 @@ def test_a_film_that_ends_midway_keeps_what_was_found(folder: Path, identify: Ru
     assert 0 < len(written(folder / "f.csv")) < 12
 
 
+def test_the_number_of_workers_changes_no_byte(folder: Path, identify: Run) -> None:
+    (folder / "in" / "broken.png").write_bytes(b"no image")
+    runs = []
+    for workers in (1, 3):
+        done = identify("in", "film.mp4", "--out", "f.csv", "--overlay", "drawn", "--workers", f"{workers}")
+        files = {path.name: path.read_bytes() for path in [folder / "f.csv", *(folder / "drawn").iterdir()]}
+        runs.append((done.returncode, done.stdout, done.stderr, files))
+    assert runs[0] == runs[1]
+    assert runs[0][0] == 1
+
+
 def test_an_interrupted_run_resumes_and_gives_the_same_rows(folder: Path, identify: Run) -> None:
     for number in range(16):
         Image.fromarray(DARK if number % 2 else LIGHT).save(folder / "in" / f"{number:02d}.png")
