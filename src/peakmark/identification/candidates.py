@@ -106,10 +106,14 @@ def joined(pages: Sequence[MarkerCandidates]) -> MarkerCandidates:
 
 
 def squeeze(angle_deg: float) -> NDArray[np.float64]:
-    """Return (2, 2) what stretches by √2 across a direction and shrinks by √2 along it."""
+    """Return (2, 2) what stretches by √2 across a direction, shrinks by √2 along it, and leaves rows upright.
+
+    A rotation comes last, so that rows stay rows: a copy then fills three quarters of the room that it would take.
+    """
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     rotation = np.array([[c, -s], [s, c]])
-    return np.asarray(rotation @ np.diag([np.sqrt(0.5), np.sqrt(2.0)]) @ rotation.T)
+    upright = np.linalg.qr(rotation @ np.diag([np.sqrt(0.5), np.sqrt(2.0)]) @ rotation.T)[1]
+    return np.asarray(np.sign(np.diag(upright))[:, None] * upright)
 
 
 def _search(
