@@ -71,7 +71,7 @@ static int count_reached(FacePart part, const double *first, const double *u, co
         point_on_face(part.plane, first[0] + a * u[0] + b * v[0], first[1] + a * u[1] + b * v[1], point);
         for (int axis = 0; axis < 3; axis++) point[axis] += lift[axis];
         const ToLight to = ray_to_light(light, point);
-        reached += !meets_any(solids, point, to.ray, 0.0, to.farthest);
+        reached += !meets_any(solids, point, to.ray, to.farthest);
     }
     return reached;
 }
@@ -109,6 +109,46 @@ static double squared_radius(FacePart part, const double *middle) {
     return radius;
 }
 
+/* How far a number may differ over a polygon of a radius, given how it grows with the place. */
+static double spread_of(const double *slope, const double *lift, double radius) {
+    double along = dot(slope, lift) / LIFT_M; /* the polygon is flat */
+    return radius * sqrt(greater(dot(slope, slope) - along * along, 0.0));
+}
+
+static void cross(const double *a, const double *b, double *out) {
+    for (int k = 0; k < 3; k++) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+}
+
+/* Whether parallel rays from a polygon, lifted, may meet a face: see `intersect_face`. */
+static bool may_meet(const double *face, const double *middle, const double *lift, double radius, const double *ray) {
+    const double *u = face + U, *v = face + V, doubt = 1e-6;
+    Vector across, down, normal, away;
+    cross(ray, v, across), cross(u, ray, down), cross(u, v, normal);
+    const double det = dot(u, across), size = fabs(det);
+    if (size <= doubt * sqrt(dot(normal, normal) * dot(ray, ray))) return true;
+    for (int k = 0; k < 3; k++) away[k] = middle[k] + lift[k] - face[k];
+    const double a = dot(away, across) / det, b = dot(away, down) / det, t = dot(away, normal) / det;
+    const double wide_a = spread_of(across, lift, radius) / size + doubt;
+    const double wide_b = spread_of(down, lift, radius) / size + doubt, wide_t = spread_of(normal, lift, radius) / size;
+    const bool is_quad = face[QUAD] != 0.0;
+    return t + wide_t > 0.0 && a + wide_a > 0.0 && b + wide_b > 0.0 &&
+           (is_quad ? a - wide_a < 1.0 && b - wide_b < 1.0 : a + b - wide_a - wide_b < 1.0);
+}
+
+/* Whether a face may hide a part of a light from a polygon with a middle and a radius. */
+static bool comes_near(Solids solids, const double *middle, const double *lift, double radius, ToLight to) {
+    Stack stack = stack_of(solids.count);
+    const bool is_parallel = to.farthest == INFINITY;
+    while (stack.top > 0) {
+        const int64_t node = stack.nodes[--stack.top], first = solids.links[node][0], n = solids.links[node][1];
+        if (!meets_box(solids.boxes[node], middle, to.ray, radius + 2.0 * LIFT_M, to.farthest)) continue;
+        if (n == 0) push_children(&stack, first);
+        for (int64_t face = first; face < first + n; face++)
+            if (!is_parallel || may_meet(solids.faces[face], middle, lift, radius, to.ray)) return true;
+    }
+    return false;
+}
+
 /* What one light, not an ambient one, adds to the multiplier of a polygon with a middle and a radius. */
 static double light_of(FacePart part, const double *middle, double radius, const double *lift, const double *light,
                        Solids solids) {
@@ -118,7 +158,7 @@ static double light_of(FacePart part, const double *middle, double radius, const
         const double falloff = light[REFERENCE] / to.length;
         strength *= falloff * falloff;
     }
-    if (strength > 0.0 && light[SHADOWS] > 0.0 && meets_any(solids, middle, to.ray, radius + 2.0 * LIFT_M, to.farthest))
+    if (strength > 0.0 && light[SHADOWS] > 0.0 && comes_near(solids, middle, lift, radius, to))
         strength *= sampled_share(part, lift, light, solids);
     return strength;
 }

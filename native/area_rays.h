@@ -74,16 +74,13 @@ static inline double intersect_face(const double *face, const double *origin, co
     return (v[0] * qx + v[1] * qy + v[2] * qz) / det;
 }
 
-/* Whether a ray meets a face before `farthest`, or for a radius > 0 whether one may come that near. */
-static inline bool meets_any(Solids solids, const double *origin, const double *ray, double radius, double farthest) {
+/* Whether a ray meets a face before `farthest`. */
+static inline bool meets_any(Solids solids, const double *origin, const double *ray, double farthest) {
     Stack stack = stack_of(solids.count);
     while (stack.top > 0) {
         const int64_t node = stack.nodes[--stack.top], first = solids.links[node][0], n = solids.links[node][1];
-        if (!meets_box(solids.boxes[node], origin, ray, radius, farthest)) continue;
-        if (n == 0)
-            push_children(&stack, first);
-        else if (radius > 0.0)
-            return true;
+        if (!meets_box(solids.boxes[node], origin, ray, 0.0, farthest)) continue;
+        if (n == 0) push_children(&stack, first);
         for (int64_t face = first; face < first + n; face++) {
             const double t = intersect_face(solids.faces[face], origin, ray);
             if (0.0 < t && t < farthest) return true;
