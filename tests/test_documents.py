@@ -5,16 +5,22 @@ would take minutes is made smaller by options that `--help` lists (`tests/docume
 """
 
 import re
+import runpy
 import shlex
 import subprocess
 import sys
 import tomllib
 from contextlib import chdir
+from functools import cache
 from pathlib import Path
 
 import pytest
 from peaksim.corpus import open_corpus
+from typer import Typer
+from typer.testing import CliRunner
 
+from peakmark.cli.app import app
+from peakmark.cli.command import plain_app
 from peakmark.maps.files import load_map
 from tests.documents import (
     PAGES,
@@ -175,19 +181,30 @@ def commands_in_prose() -> list[tuple[str, str]]:
     return sorted(set(found))
 
 
+@cache
+def help_of(*words: str) -> str:
+    """Return what a command, or a script, says of its options; a script's from the function that it calls."""
+    if words[0] == "peakmark":
+        return str(CliRunner().invoke(app, [*words[1:], "--help"], env={"COLUMNS": "200"}).output)
+    (called,) = re.findall(r"run_command\((\w+)\)", (ROOT / words[0]).read_text(encoding="utf-8"))
+    command = runpy.run_path(str(ROOT / words[0]))[called]
+    own = command if isinstance(command, Typer) else plain_app()
+    if own is not command:
+        own.command()(command)
+    return str(CliRunner().invoke(own, ["--help"], env={"COLUMNS": "200"}).output)
+
+
 @pytest.mark.parametrize(("page", "command"), commands_in_prose())
 def test_every_option_that_a_page_names_exists(page: str, command: str) -> None:
-    from typer.testing import CliRunner
-
-    from peakmark.cli.app import app
-
     words = shlex.split(command)
     options = {word.partition("=")[0] for word in words if word.startswith("--")}
-    if words[0] == "peakmark":
-        groups = words[1 : 3 if words[1] in ("corpus", "regress") else 2]
-        text = CliRunner().invoke(app, [*groups, "--help"], env={"COLUMNS": "200"}).output
-    else:
-        program = [sys.executable, str(ROOT / words[1]), "--help"]
-        environment = {**child_environment(), "COLUMNS": "200"}
-        text = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=120).stdout
+    group = words[1 : 3 if words[1] in ("corpus", "regress") else 2]
+    text = help_of("peakmark", *group) if words[0] == "peakmark" else help_of(words[1])
     assert options <= set(re.findall(r"--[a-z-]+", text)), f"{page}: {command}"
+
+
+def test_a_script_shows_its_own_help() -> None:
+    program = [sys.executable, str(ROOT / "scripts/train_search.py"), "--help"]
+    environment = {**child_environment(), "COLUMNS": "200"}
+    text = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=120).stdout
+    assert set(re.findall(r"--[a-z-]+", text)) == set(re.findall(r"--[a-z-]+", help_of("scripts/train_search.py")))

@@ -13,7 +13,6 @@ from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from peakmark.identification.alignment import (
     Aligned,
@@ -286,7 +285,8 @@ def _measured(
     affine = theta[2:6].reshape(2, 2) / span
     rotation = upright_rotation(affine[None])[0]
     spread = spread_of(covariance, precision)
-    turn = block_diag(np.eye(2), rotation.T / span, rotation.T / span, rotation.T / span)
+    turn = np.kron(np.eye(4), rotation.T / span)
+    turn[:2, :2] = np.eye(2)
     upright = FitSpread(turn @ spread.covariance @ turn.T, turn @ spread.drawn @ rotation * span)
     return {
         "xy": theta[:2],
