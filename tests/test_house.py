@@ -77,6 +77,7 @@ HEAVY = {
     "matplotlib",
     "mitsuba",
     "pandas",
+    "plotly",
     "pupil_apriltags",
     "pyarrow",
     "pycolmap",

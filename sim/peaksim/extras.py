@@ -19,6 +19,7 @@ EXTRAS = {
     "mcap": "ros",
     "pandas": "pandas",
     **dict.fromkeys(("chess_corners", "locus", "pupil_apriltags", "ringgrid"), "compare"),
+    "plotly": "view",
     "pycolmap": "vlfeat",
     "rerun": "rerun",
     "rosbags": "ros",

@@ -146,7 +146,8 @@ def fly(
     """Fly a camera over a floor of markers: find them, and locate the camera by them.
 
     Writes frames.csv, detections.parquet, flight.mp4, top_view.png, the poses as TUM files, report.html and
-    result.json.
+    result.json; with the extra view also trajectory.html, the trajectories in space. With --overlays each figure links
+    to the frames behind it.
     """
     console = new_console(quiet)
     drawn_by = cast(Renderer, renderer)

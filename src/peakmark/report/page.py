@@ -38,6 +38,8 @@ class Section:
     caption: str = ""
     links: Sequence[str] = field(default_factory=tuple)
     """Names of files beside the page."""
+    frames: Sequence[tuple[str, str]] = field(default_factory=tuple)
+    """Words, and the file beside the page that they lead to: the frames behind a figure."""
     images: Sequence["CaptionedImage"] = field(default_factory=tuple)
     """Side by side where there is room."""
     data: Table | None = None

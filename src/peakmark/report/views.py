@@ -63,8 +63,24 @@ def _write_png(path: Path, image: NDArray[Any]) -> None:
         path.write_bytes(cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes())
 
 
-def curve_section(title: str, unit: str, times_s: Sequence[float], values: Sequence[float | None]) -> Section:
-    """Return a part of a page with a curve over the time of the frames; None leaves a gap."""
+def curve_section(
+    title: str, unit: str, times_s: Sequence[float], values: Sequence[float | None], files: Sequence[str] = ()
+) -> Section:
+    """Return a part of a page with a curve over the time of the frames; None leaves a gap.
+
+    `files` are the frames' drawings beside the page: those of the least and of the largest value are linked.
+    """
     figure, ax = plots.new_figure(8, 2.6)
     plots.figure_over_time(ax, np.array(times_s), np.array([np.nan if v is None else v for v in values]), title, unit)
-    return Section(f"Over time: {title}", image=svg_uri(figure))
+    return Section(f"Over time: {title}", image=svg_uri(figure), frames=_ends(values, files))
+
+
+def _ends(values: Sequence[float | None], files: Sequence[str]) -> list[tuple[str, str]]:
+    """Return words and file of the frames with the least and the largest value, and of those without any."""
+    known = [k for k, value in enumerate(values) if value is not None and np.isfinite(value)]
+    if not files or not known:
+        return []
+    low, high = min(known, key=lambda k: values[k] or 0.0), max(known, key=lambda k: values[k] or 0.0)
+    ends = [(f"least, {values[low]:.3g}", files[low]), (f"largest, {values[high]:.3g}", files[high])]
+    first = next((k for k in range(len(values)) if k not in known), None)
+    return ends if first is None else [*ends, ("first without", files[first])]

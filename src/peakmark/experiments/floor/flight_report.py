@@ -12,6 +12,7 @@ from peakmark.experiments.floor.flight_figures import DetectionFigures, FlightRe
 from peakmark.experiments.floor.flight_tracking import DISTANCES, Flown, FlownFrame
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
+from peakmark.report.trajectory_view import Line, write_trajectory_view
 from peakmark.report.views import curve_section
 from peakmark.score.poses import TrajectoryErrors
 from peakmark.score.statistics import Bin, Quantiles
@@ -22,7 +23,19 @@ Row = tuple[Any, ...]
 HEAD = ("figure", "value", "low", "high", "of")
 INTERVALS = "95 % intervals: Wilson for rates, bootstrap for quantiles."
 
-_FILES = ("flight.mp4", "frames.csv", "detections.parquet", "truth.tum", "map.tum", "motion.tum", "result.json")
+TRAJECTORY_PAGE = "trajectory.html"
+"""The trajectories in space, beside the report where Plotly is installed."""
+
+_FILES = (
+    TRAJECTORY_PAGE,
+    "flight.mp4",
+    "frames.csv",
+    "detections.parquet",
+    "truth.tum",
+    "map.tum",
+    "motion.tum",
+    "result.json",
+)
 
 
 def _of_pair(error: tuple[float, float] | None, index: int) -> float | None:
@@ -46,8 +59,8 @@ CURVES: tuple[tuple[str, str, Callable[[FlownFrame], float | None]], ...] = (
 """Title, unit and value of each curve over time."""
 
 
-def write_flight_report(path: Path, flown: Flown, result: FlightResult) -> None:
-    """Write report.html; links lead to the files that lie beside it."""
+def write_flight_report(path: Path, flown: Flown, result: FlightResult, drawings: Sequence[str] = ()) -> None:
+    """Write report.html; links lead to the files that lie beside it, and figures to the `drawings` of frames."""
     config = result.config
     lead = (
         f"{len(flown.frames)} frames of “{config.trajectory}”, floor {config.texture or 'default'}, "
@@ -58,15 +71,44 @@ def write_flight_report(path: Path, flown: Flown, result: FlightResult) -> None:
     if flown.floor_map is not None:
         figure, ax = plots.new_figure(7, 7)
         draw_top_view(ax, flown)
-        sections.append(Section("Seen from above", image=svg_uri(figure)))
+        page = (TRAJECTORY_PAGE,) if (path.parent / TRAJECTORY_PAGE).exists() else ()
+        sections.append(Section("Seen from above", image=svg_uri(figure), links=page))
     sections += [_breakdown(quantity, rows) for quantity, rows in result.recall_by.items()]
     times_s = [record.time_on_path_s for record in flown.records]
     sections += [
-        curve_section(title, unit, times_s, [value(frame) for frame in flown.frames]) for title, unit, value in CURVES
+        curve_section(title, unit, times_s, [value(frame) for frame in flown.frames], drawings)
+        for title, unit, value in CURVES
     ]
     links = [name for name in _FILES if (path.parent / name).exists() or name == "result.json"]
     sections.append(Section("Files", links=links))
     write_report(path, "Fly-through: markers found and scored", lead, sections)
+
+
+def write_trajectory_page(path: Path, flown: Flown, drawings: Sequence[str] = ()) -> None:
+    """Write the true and the found trajectories in space; a point leads to its frame's drawing where there are any."""
+    assert flown.floor_map is not None
+    titles = {"truth": "truth", "map": "with the map", "motion": "without a map"}
+    errors = {"map": [f.map_error for f in flown.frames], "motion": [f.motion_error for f in flown.frames]}
+    lines = [
+        Line(titles[name], _positions(poses), _labels(flown, errors.get(name, [None] * len(poses))))
+        for name, poses in flown.trajectories.items()
+        if any(pose is not None for pose in poses)
+    ]
+    lead = "Drag to rotate, scroll to zoom, click names to hide."
+    lead += " A click on a point opens its frame." if drawings else ""
+    seen = [f.located.marker_of[f.located.marker_of >= 0] for f in flown.frames if f.located is not None]
+    markers_m = flown.floor_map.centers_m[np.unique(np.concatenate([np.zeros(0, np.intp), *seen]))]
+    write_trajectory_view(path, "The camera's trajectory", lead, lines, markers_m, drawings)
+
+
+def _positions(poses: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+    return np.array([[np.nan] * 3 if pose is None else pose[:3, 3] for pose in poses])
+
+
+def _labels(flown: Flown, errors: Sequence[tuple[float, float] | None]) -> list[str]:
+    times = [f"frame {frame.record.frame}, {frame.record.time_on_path_s:.2f} s" for frame in flown.frames]
+    offs = ["" if error is None else f"<br>{error[0]:.2f} mm, {error[1]:.3f}° off" for error in errors]
+    return [time + off for time, off in zip(times, offs, strict=True)]
 
 
 def draw_top_view(

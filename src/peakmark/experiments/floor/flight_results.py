@@ -28,6 +28,7 @@ from peakmark.recording.recorder import check_recording
 from peakmark.report import plots
 from peakmark.report.film import WIDTH_PX, film
 from peakmark.report.results import result_folder, write_json, write_rows
+from peakmark.report.trajectory_view import has_trajectory_view
 
 FRAMES = "frames"
 """Folder of the drawings of each frame, where they are asked for."""
@@ -87,7 +88,8 @@ def fly_and_keep(
             images = [journal.file(f"{name}.jpg") for name in names]
             if overlays:
                 _keep(images, folder / FRAMES)
-            _write(folder, flight, flown, result, images)
+            drawings = [f"{FRAMES}/{path.name}" for path in images] if overlays else []
+            _write(folder, flight, flown, result, images, drawings)
         journal.add(_WRITTEN, True)
         journal.remove_files()
     return flown, result, journal
@@ -120,7 +122,10 @@ def _fly_frame(flight: Flight, journal: Journal, index: int) -> FrameRecord:
     return record_of(view)
 
 
-def _write(folder: Path, flight: Flight, flown: Flown, result: FlightResult, images: Sequence[Path]) -> None:
+def _write(
+    folder: Path, flight: Flight, flown: Flown, result: FlightResult, images: Sequence[Path], drawings: Sequence[str]
+) -> None:
+    """Write all files; `drawings` are the images where they are kept, as names beside the report."""
     write_rows(folder / "frames.csv", [frame_row(frame) for frame in flown.frames])
     write_detections(folder / "detections.parquet", flown, flight.marker_names)
     _write_poses(folder, flown)
@@ -131,7 +136,9 @@ def _write(folder: Path, flight: Flight, flown: Flown, result: FlightResult, ima
         figure, ax = plots.new_figure(7, 7)
         flight_report.draw_top_view(ax, flown)
         plots.save(figure, folder / "top_view.png")
-    flight_report.write_flight_report(folder / "report.html", flown, result)
+        if has_trajectory_view():
+            flight_report.write_trajectory_page(folder / flight_report.TRAJECTORY_PAGE, flown, drawings)
+    flight_report.write_flight_report(folder / "report.html", flown, result, drawings)
     write_json(folder / "result.json", result)
 
 

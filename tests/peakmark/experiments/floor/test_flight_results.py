@@ -16,6 +16,7 @@ from peakmark.experiments.floor.flight import FlightConfig, open_flight
 from peakmark.experiments.floor.flight_figures import FlightResult, remarks
 from peakmark.experiments.floor.flight_results import fly_and_keep, run_flight
 from peakmark.plain import to_plain
+from peakmark.report.trajectory_view import has_trajectory_view
 from tests.peakmark.experiments.floor.conftest import SCENE
 
 FILES = {
@@ -28,6 +29,7 @@ FILES = {
     "top_view.png",
     "report.html",
     "result.json",
+    *(["trajectory.html"] if has_trajectory_view() else []),
 }
 
 
@@ -126,6 +128,7 @@ def test_on_request_a_recording_and_the_drawing_of_each_frame(ride: Path, tmp_pa
     out, path = tmp_path / "out", tmp_path / "flight.mcap"
     run_flight(FlightConfig(str(ride), frames=2), out, record=path, overlays=True)
     assert sorted(each.name for each in (out / "frames").iterdir()) == ["000000.jpg", "000001.jpg"]
+    assert 'href="frames/000001.jpg">largest' in (out / "report.html").read_text(encoding="utf-8")
     true = load_trajectory(out / "truth.tum").world_from_camera
     with path.open("rb") as file:
         messages = list(reader.make_reader(file, decoder_factories=[decoder.DecoderFactory()]).iter_decoded_messages())
