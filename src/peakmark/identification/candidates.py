@@ -84,9 +84,13 @@ def candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
 
 
 def pages(
-    rows: NDArray[np.float64], side_of_scale: float, shape: tuple[int, ...], worth: Worth | None = None
+    rows: NDArray[np.float64],
+    side_of_scale: float,
+    shape: tuple[int, ...],
+    worth: Worth | None = None,
+    length: int = PAGE,
 ) -> Iterator[MarkerCandidates]:
-    """Yield key points (n, 6) of an image of a shape in pages, by falling worth, or quotient.
+    """Yield key points (n, 6) of an image of a shape in pages of a length, by falling worth, or quotient.
 
     Their columns are x, y, scale, response, sign and quotient; the worth is of (k,) responses and quotients.
     """
@@ -94,8 +98,8 @@ def pages(
     distinct = rows[distinct_rows(rows, shape, _NEAR, _LIKE)]
     if worth is not None:
         distinct = distinct[np.argsort(-worth(distinct[:, 3], distinct[:, 5]), kind="stable")]
-    for first in range(0, len(distinct) + 1, PAGE):
-        page = distinct[first : first + PAGE]
+    for first in range(0, len(distinct) + 1, length):
+        page = distinct[first : first + length]
         sides, signs = side_of_scale * page[:, 2], page[:, 4].astype(np.int8)
         yield MarkerCandidates(page[:, :2], sides, signs, page[:, 3], page[:, 5])
 

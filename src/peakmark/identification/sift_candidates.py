@@ -44,6 +44,12 @@ _SMALLER = 4
 _NOISE_OF_DOG = 0.0817
 """Deviation of the DoG of noise of σ 1, times the scale: √((1 + k⁻² − 4 / (1 + k²)) / 4π), k = 2^⅓."""
 
+_PAGE = 2000
+"""Candidates that are looked at together: small ones are many, and a correlation with a round pattern takes little."""
+
+_NARROW = 0.3
+"""Variance of a blur, px², below which a sampled Gaussian is too narrow by a fifth or more."""
+
 _AROUND = np.ones((3, 3), np.uint8)
 """A point and its eight neighbours."""
 
@@ -71,7 +77,7 @@ def pages_of(gray: NDArray[np.uint8], points: NDArray[np.float64]) -> Iterator[M
     variance = box_variance(gray, xy.astype(np.float32), np.column_stack([sigma, sigma]) * _BOX) / 255**2
     quotient = np.abs(response) / (_most_response() * np.sqrt(np.maximum(variance, 1e-5)))
     found = np.column_stack([xy, sigma, np.abs(response), np.sign(response), quotient])
-    yield from pages(found[quotient > LEAST_QUOTIENT], float(SIDE_OF_SIGMA), gray.shape, sift_worth)
+    yield from pages(found[quotient > LEAST_QUOTIENT], float(SIDE_OF_SIGMA), gray.shape, sift_worth, _PAGE)
 
 
 def sift_worth(responses: NDArray[np.float64], quotients: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -91,7 +97,7 @@ def dog_extremes(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
     found, step, own_sigma, smaller = [np.empty((0, 4))], 1.0, _OWN_SIGMA, _SMALLER
     while min(base.shape) >= 12:
         sigmas = _SIGMA * 2 ** (np.arange(-smaller, _LAYERS + 3) / _LAYERS)
-        blurs = map_parallel(partial(_blurred, base, own_sigma), sigmas)
+        blurs = map_parallel(partial(blurred, base, own_sigma), sigmas)
         octave = _extremes(blurs, sigmas)
         found.append(octave * [step, step, step, 1.0])
         base = np.ascontiguousarray(blurs[smaller + _LAYERS][::2, ::2])
@@ -99,8 +105,13 @@ def dog_extremes(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.concatenate(found)
 
 
-def _blurred(base: NDArray[np.float32], own_sigma: float, sigma: float) -> NDArray[np.float32]:
-    return np.asarray(cv2.GaussianBlur(base, (0, 0), np.sqrt(max(sigma**2 - own_sigma**2, 1e-3))), dtype=np.float32)
+def blurred(base: NDArray[np.float32], own_sigma: float, sigma: float) -> NDArray[np.float32]:
+    """Return an image of its own blur `own_sigma`, px, blurred to `sigma`."""
+    variance = max(sigma**2 - own_sigma**2, 1e-3)
+    if variance < _NARROW:  # samples of a narrow Gaussian have half of its variance, three taps have it
+        taps = np.array([variance / 2, 1 - variance, variance / 2])
+        return np.asarray(cv2.sepFilter2D(base, -1, taps, taps), dtype=np.float32)
+    return np.asarray(cv2.GaussianBlur(base, (0, 0), np.sqrt(variance)), dtype=np.float32)
 
 
 def _around(spread: Callable[..., Any], dog: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 from peakmark import decode_arrays, identify
-from peakmark.markers.patterns import Polarity, surf_marker
+from peakmark.arrays.look import Print
+from peakmark.markers.optimum import Limit
+from peakmark.markers.patterns import Polarity, Variant, marker_image, surf_marker
+from tests.peakmark.arrays import rendered
+from tests.peakmark.arrays.arrays_scene import facing_wall
 from tests.peakmark.identification.walls import TEXELS, sheet, wall
 
 
@@ -31,6 +35,20 @@ def test_a_block_with_a_missed_marker_is_unsure_where_the_image_is_given(fourth:
     assert decode_arrays(three, image=image) == ()  # the fourth is seen
     (array,) = decode_arrays([replace(d, affinity=None) for d in three], image=image)  # nothing tells where to look
     assert (array.code, array.doubt) == (None, "the blank corner is not blank")
+
+
+@pytest.mark.parametrize("fourth", ["dark", "light"])
+@pytest.mark.parametrize("limit", ["energy", "range"])
+@pytest.mark.parametrize("distance", [0.6, 1.3])
+def test_a_missed_round_marker_is_not_paper(distance: float, limit: Limit, fourth: Polarity) -> None:
+    printed, pose = Print("sift", limit), facing_wall(distance, 30, 50, 20)
+    bare = rendered.paper(2, printed=printed)
+    full, left = bare.copy(), round(0.75 * rendered.TEXELS)
+    marker = marker_image(rendered.TEXELS, Variant(fourth, limit, "sift"))
+    full[left : left + len(marker), left : left + len(marker)] = marker
+    three = rendered.true_detections(2, pose, printed=printed)
+    assert [a.code for a in decode_arrays(three, image=rendered.view(bare, pose))] == [2]
+    assert all(a.code is None for a in decode_arrays(three, image=rendered.view(full, pose)))
 
 
 @pytest.mark.parametrize("level", [0, 90, 150])

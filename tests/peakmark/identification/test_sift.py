@@ -1,5 +1,6 @@
 """The search for SIFT markers: every kind at every size in one image, with SURF's, as arrays; and what is refused."""
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,11 +10,11 @@ from peakmark.errors import InputError
 from peakmark.identification.api import identify
 from peakmark.identification.detection import Detection
 from peakmark.identification.families import surf_disc_pages
-from peakmark.identification.sift_candidates import dog_extremes, sift_candidate_pages, sift_worth
+from peakmark.identification.sift_candidates import blurred, dog_extremes, sift_candidate_pages, sift_worth
 from peakmark.identification.sift_features import shared_distances
 from peakmark.identification.sift_signature import SIGNATURE, reference_sift_descriptor, sift_signature_distances
 from peakmark.markers.array_code import THREE_BIT, polarities_of
-from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, Variant, marker_image
+from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, Polarity, Variant, marker_image
 from tests.peakmark.identification.sift_wall import KINDS, wall
 
 
@@ -66,6 +67,27 @@ def test_extremes_have_the_sign_of_the_centre_and_the_scale_of_the_marker(kind: 
     assert np.sign(response) == (1 if kind.polarity == "dark" else -1)
     own = side / SIFT_SIDE_IN_SIGMA / (np.sqrt(2) if kind.limit == "energy" else 1)
     assert sigma == pytest.approx(own, rel=0.06)
+
+
+@pytest.mark.parametrize("sigma", [0.52, 0.635, 0.8, 1.0, 1.6])
+def test_narrow_blurs_are_as_wide_as_they_should_be(sigma: float) -> None:
+    point = np.zeros((21, 21), np.float32)
+    point[10, 10] = 1
+    line = blurred(point, 0.5, sigma).sum(axis=0)
+    assert line.sum() == pytest.approx(1, rel=1e-5)
+    assert (line * (np.arange(21) - 10) ** 2).sum() == pytest.approx(sigma**2 - 0.25, rel=0.07, abs=1e-3)
+
+
+@pytest.mark.parametrize("polarity", ["dark", "light"])
+@pytest.mark.parametrize("side_px", [16, 20])
+def test_small_markers_are_candidates_under_a_tone_curve(side_px: int, polarity: Polarity) -> None:
+    fine = np.pad(marker_image(15 * side_px, Variant(polarity, "energy", "sift")), 15 * 20, constant_values=255)
+    shown = cv2.resize(fine, None, fx=1 / 15, fy=1 / 15, interpolation=cv2.INTER_AREA)
+    image = np.rint(255 * (0.1 + 0.7 * shown / 255) ** (1 / 2.2)).astype(np.uint8)
+    page = next(sift_candidate_pages(image))
+    middle = (len(image) - 1) / 2
+    near = np.linalg.norm(page.xy - middle, axis=1) < 0.1 * side_px
+    assert (page.signs[near] == (1 if polarity == "dark" else -1)).any()
 
 
 def test_candidates_come_by_what_their_answers_are_worth() -> None:
