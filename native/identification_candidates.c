@@ -1,7 +1,8 @@
-/* Serves peakmark/identification/candidates.py. */
+/* Serves peakmark/identification/candidates.py, and sift_candidates.py. */
 
 #include <math.h>
 #include <string.h>
+#include "lanes.h"
 #include "memory.h"
 
 enum { FIELDS = 6, SCALE = 2, SIGN = 4 }; /* of a row: x, y, scale, response, sign, quotient */
@@ -54,4 +55,65 @@ EXPORT status distinct_rows(const double *found, int64_t n, double near, double 
     }
     give_back(&taken);
     return is_ready ? DONE : OUT_OF_MEMORY;
+}
+
+/* Blurred images of one size, the next one blurred more, and what their differences are compared with. */
+typedef struct {
+    const float *levels;
+    int64_t height, width;
+} stack;
+
+static inline float dog(const stack *s, int64_t k, int64_t at) {
+    const float *lower = s->levels + k * s->height * s->width;
+    return lower[s->height * s->width + at] - lower[at];
+}
+
+/* Whether no neighbour in space or scale of a difference of a sign is beyond it. */
+static bool is_extreme(const stack *s, int64_t k, int64_t y, int64_t x, float sign) {
+    float here = sign * dog(s, k, y * s->width + x);
+    const int64_t layers[3] = {k, k - 1, k + 1};
+    for (int i = 0; i < 3; i++)
+        for (int64_t row = most(y - 1, 0); row <= least(y + 1, s->height - 1); row++)
+            for (int64_t column = most(x - 1, 0); column <= least(x + 1, s->width - 1); column++)
+                if (sign * dog(s, layers[i], row * s->width + column) > here) return false;
+    return true;
+}
+
+/* Whether one of eight differences from a column on is beyond the least. */
+static inline bool has_any(const float *lower, const float *upper, float8 least) {
+    lanes8 is_beyond = absolute8(load8(upper) - load8(lower)) > least;
+    uint64_t words[4];
+    memcpy(words, &is_beyond, sizeof words);
+    return (words[0] | words[1] | words[2] | words[3]) != 0;
+}
+
+/* Whether the next difference of the row is nearer to 0, which says no more often than not. */
+static inline bool is_least_far(const float *lower, int64_t plane, float here) {
+    float next = lower[plane + 1] - lower[1];
+    return here > 0 ? next <= here : next >= here;
+}
+
+/* Fill in layer, row and column, and the sign, of the extremes among the differences of neighbouring images, as far as there is
+   room; count them all. */
+EXPORT void dog_extremes(const float *blurs, int64_t layers, int64_t height, int64_t width, double least_size, int32_t *found,
+                         int64_t room, int64_t *count) {
+    const stack s = {blurs, height, width};
+    const float least = (float)least_size;
+    int64_t n = 0;
+    for (int64_t k = 1; k < layers - 2; k++)
+        for (int64_t y = 0; y < height; y++)
+            for (int64_t x = 0; x < width; x++) {
+                const float *lower = blurs + (k * height + y) * width + x;
+                if (x % 8 == 0 && x + 8 <= width && !has_any(lower, lower + height * width, all8(least))) {
+                    x += 7;
+                    continue;
+                }
+                float here = lower[height * width] - lower[0];
+                if (!(fabsf(here) > least) || (x + 1 < width && !is_least_far(lower, height * width, here))) continue;
+                if (!is_extreme(&s, k, y, x, here > 0 ? 1 : -1)) continue;
+                int32_t row[4] = {(int32_t)k, (int32_t)y, (int32_t)x, here > 0 ? 1 : -1};
+                if (n < room) memcpy(found + 4 * n, row, sizeof row);
+                n++;
+            }
+    *count = n;
 }

@@ -7,7 +7,7 @@
 #include "refine_align.h"
 
 /* As align.py explains. */
-enum { SOFT_PIXELS = 250, GROUP = 24, MOST_GROUPS = 64, BEST_GROUPS = 3 };
+enum { SOFT_PIXELS = 250, GROUP = 24, ROUND_GROUP = 4, MOST_GROUPS = 64, BEST_GROUPS = 3 };
 static const double MIN_BLUR = 1e-3, RIDGE = 1e-9, CLEAR = 0.01, PERFECT = 1e-4, NOISE_FLOOR = 1.0 / 12;
 static const double CENTER_SPREAD = 0.1, SHAPE_SPREAD = 0.25, SOFT_TONE_SPREAD = 0.15;
 static const double SOFTENED = 0.1406, TWICE_SOFTENED = 0.0748; /* shares of a pixel's variance that are left */
@@ -138,7 +138,7 @@ status set_coarse(coarse *search, const double *samples, const double *expected,
     if (count > MOST_SAMPLES || shape_count < 1) return TOO_LARGE;
     *search = (coarse){.padded = (count + 7) / 8 * 8, .count = (double)count, .shapes = shapes,
                        .shape_count = shape_count, .has_plane = has_plane, .score = correlation};
-    if (has_plane && shape_count % GROUP == 0) search->group = GROUP;
+    if (has_plane) search->group = shape_count % GROUP == 0 ? GROUP : shape_count % ROUND_GROUP == 0 ? ROUND_GROUP : 0;
     for (int64_t i = 0; i < count; i++) {
         search->u[i] = (float)samples[2 * i], search->v[i] = (float)samples[2 * i + 1];
         search->expected[i] = (float)expected[i], search->used[i] = 1;

@@ -65,8 +65,10 @@ static lanes8 rate_round8(const model *m, const eight_views *at, float reach) {
     radial_views radial = radial8(at->u, at->v, at->ux, at->uy, at->vx, at->vy);
     float8 own = all8(reach) * root8(radial.x * radial.x + radial.y * radial.y);
     lanes8 is_inside = (at->w > all8((float)MIN_DEPTH)) & (radial.radius <= all8((float)m->extent) - own), is_near = {0};
-    for (int64_t k = 0; k < m->line_count; k++)
-        is_near |= absolute8(radial.radius - all8((float)m->lines[k])) < own * all8(1.4f);
+    own *= all8(1.4f);
+    float lowest = least8(radial.radius - own), highest = most8(radial.radius + own);
+    for (int64_t k = 0; k < m->line_count && m->lines[k] <= highest; k++)
+        if (m->lines[k] >= lowest) is_near |= absolute8(radial.radius - all8((float)m->lines[k])) < own;
     return (lanes8){0} - is_inside - (is_inside & is_near);
 }
 
@@ -90,14 +92,21 @@ static bool is_taken(int64_t x, int64_t y, bool near, int64_t stride) {
     return near ? (x + y) % stride == 0 : x % (4 * stride) == 0 && y % (4 * stride) == 0;
 }
 
+/* Of a large round pattern only every so many blocks of pixels are looked at, for most would not be taken. */
+static int64_t block_step(const model *m, bounds b, int64_t wanted) {
+    return m->is_round ? most(1, (int64_t)sqrt((double)area(b) / (16 * (double)wanted))) : 1;
+}
+
 /* Pixels follow each other in blocks of 4 × 2, so that eight of them see few lines. */
-static int64_t select_from(const model *m, const double *theta, int64_t height, int64_t width, int64_t stride,
+static int64_t select_from(const model *m, const double *theta, int64_t height, int64_t width, int64_t stride, int64_t wanted,
                            int32_t *xy, bool *near) {
     bounds b = pixel_bounds(theta, m->extent, width, height);
+    int64_t step = block_step(m, b, wanted);
     double reach = 2.5 * sqrt(PIXEL_VARIANCE + theta[10]);
     int64_t count = 0;
     for (int64_t top = b.top; top < b.bottom; top += 2)
         for (int64_t left = b.left; left < b.right; left += 8) {
+            if (((top - b.top) / 2 + (left - b.left) / 8) % step) continue;
             lanes8 kinds[2] = {rate8(m, theta, (float)reach, left, top), rate8(m, theta, (float)reach, left, top + 1)};
             for (int64_t i = 0; i < 16; i++) {
                 int64_t column = i % 4 + i / 8 * 4, row = i / 4 % 2, x = left + column, y = top + row;
@@ -113,7 +122,7 @@ static int64_t select_from(const model *m, const double *theta, int64_t height, 
 /* Fill in at most about `wanted` pixels that are worth comparing, of room for `pixels_around`; return how many. */
 int64_t choose_pixels(const model *m, const double *theta, int64_t height, int64_t width, int64_t wanted, int32_t *xy,
                       bool *near) {
-    int64_t count = select_from(m, theta, height, width, 1, xy, near);
+    int64_t count = select_from(m, theta, height, width, 1, wanted, xy, near);
     int64_t stride = (count + wanted - 1) / wanted;
     if (stride <= 1) return count;
     int64_t kept = 0;
@@ -131,9 +140,8 @@ EXPORT int64_t bounded_area(const double *theta, double extent, int64_t height, 
 
 EXPORT int64_t select_pixels(const double *theta, const double *lines, int64_t line_count, double extent, int64_t height,
                              int64_t width, int64_t stride, int32_t *xy, int64_t room, bool *near) {
-    (void)room;
     model m = {.lines = lines, .line_count = line_count, .extent = extent};
-    return select_from(&m, theta, height, width, stride, xy, near);
+    return select_from(&m, theta, height, width, stride, room, xy, near);
 }
 
 /* The changes of slope at the radii of levels that are linear between them, and level before the first and beyond the last. */
@@ -147,6 +155,16 @@ static void fill_bends(const model *m, const float *levels, float *bends) {
     }
 }
 
+static void fill_sums(model *m) {
+    ramps sums = {0, 0, 0, 0};
+    for (int64_t k = 0; m->is_round && k <= m->line_count; k++) {
+        m->before[k] = sums;
+        if (k == m->line_count) return;
+        sums.slope += m->bends[k], sums.level += m->bends[k] * m->own_lines[k];
+        if (m->parameters == LIT) sums.tone_slope += m->tone_bends[k], sums.tone += m->tone_bends[k] * m->own_lines[k];
+    }
+}
+
 /* How the printed levels show, under the tone exponent with derivatives by its logarithm; in single precision, with the lines. */
 void prepare(model *m, const double *theta) {
     int64_t cells = m->is_round ? m->line_count : (m->line_count + 1) * (m->line_count + 1);
@@ -154,6 +172,7 @@ void prepare(model *m, const double *theta) {
     if (m->parameters == PLAIN) {
         for (int64_t k = 0; k < cells; k++) m->shown[k] = (float)m->levels[k];
         fill_bends(m, m->shown, m->bends);
+        fill_sums(m);
         return;
     }
     double exponent = same_exp(theta[15]), shown[MOST_LINES + 1], slopes[MOST_LINES + 1];
@@ -168,6 +187,7 @@ void prepare(model *m, const double *theta) {
     }
     fill_bends(m, m->shown, m->bends);
     fill_bends(m, m->tones, m->tone_bends);
+    fill_sums(m);
 }
 
 /* Pixels of a tile, as columns: along either axis of the pattern the box, the Gaussian, and how far they reach. */
@@ -214,6 +234,7 @@ static void fill_views(const model *m, const double *theta, const int32_t *xy, i
         store8(views->u + i, at.u), store8(views->v + i, at.v), store8(views->w + i, at.w);
         store8(views->ux + i, at.ux), store8(views->uy + i, at.uy), store8(views->vx + i, at.vx), store8(views->vy + i, at.vy);
     }
+    if (m->is_round) return;
     fill_axis(m, theta, views->ux, views->uy, n, &views->across);
     fill_axis(m, theta, views->vx, views->vy, n, &views->down);
 }
@@ -311,11 +332,10 @@ static void add_ramps(const model *m, float8 radius, float8 sigma, float8 sign, 
     float8 per_sigma = all8(1) / sigma, reach = all8(REACH);
     float highest = most8(radius + reach * sigma), lowest = least8(radius - reach * sigma);
     int64_t k = 0;
-    for (; k < m->line_count && m->own_lines[k] < lowest; k++) { /* past it all eight */
-        float8 t = radius - all8(m->own_lines[k]);
-        sums->level += all8(m->bends[k]) * t, sums->slope += sign * all8(m->bends[k]);
-        if (m->parameters == LIT) sums->tone += all8(m->tone_bends[k]) * t;
-    }
+    while (k < m->line_count && m->own_lines[k] < lowest) k++; /* past these all eight */
+    const ramps *before = &m->before[k];
+    sums->level += all8(before->slope) * radius - all8(before->level), sums->slope += sign * all8(before->slope);
+    if (m->parameters == LIT) sums->tone += all8(before->tone_slope) * radius - all8(before->tone);
     for (; k < m->line_count && m->own_lines[k] < highest; k++) {
         float8 t = radius - all8(m->own_lines[k]), z = t * per_sigma, density = density8(z), step = normal8(z, density);
         lanes8 is_seen = absolute8(z) < reach, is_past = t > all8(0);

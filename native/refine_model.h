@@ -14,6 +14,11 @@ enum {
     TILE = 64,       /* pixels that are compared at a time */
 };
 
+/* Sums over radii of changes of slope, and of those times the radius, of levels and of their derivatives. */
+typedef struct {
+    float slope, level, tone_slope, tone;
+} ramps;
+
 /* A pattern and how it is seen; `prepare` fills the levels in for given parameters. A round one has the levels at its
    lines, which are radii, and is linear in between: its levels and index are (1, n). */
 typedef struct {
@@ -33,6 +38,7 @@ typedef struct {
     float shown[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* the levels, under the tone exponent */
     float tones[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* and their derivatives by its logarithm; LIT only */
     float bends[MOST_LINES], tone_bends[MOST_LINES];  /* changes of slope at the radii, of both; round only */
+    ramps before[MOST_LINES + 1];                     /* the sums of those at lower radii; round only */
 } model;
 
 /* Whether levels (rows, intervals) belong to so many lines, and there is room for them; tells round patterns. */

@@ -209,7 +209,7 @@ def _detect_with(function: Callable[..., Any], image: NDArray[Any], **parameters
     return as_keypoints(function(image, **parameters))
 
 
-def as_keypoints(found: Any) -> Keypoints:
+def as_keypoints(found: Any, name: str = "detector") -> Keypoints:
     """Return what a user's function found as `Keypoints`.
 
     Parameters
@@ -219,6 +219,8 @@ def as_keypoints(found: Any) -> Keypoints:
         - An (n, 2) array, or a list of (x, y) pairs: positions, strongest first; the other columns are unknown.
         - A sequence of `cv2.KeyPoint`, or a pair of such a sequence and its (n, d) descriptors. Its class ids tell
           polarity, as those of OpenCV's SURF, if one of them is +1: −1 alone is what a `cv2.KeyPoint` has by default.
+    name
+        What an error calls it.
 
     Raises
     ------
@@ -237,7 +239,7 @@ def as_keypoints(found: Any) -> Keypoints:
         none = np.zeros(len(xy))
         return Keypoints(xy, none, none - 1, none, none, none, none)  # type: ignore[arg-type]
     raise InputError(
-        "detector: expected Keypoints, an (n, 2) array of points, or cv2.KeyPoint objects, alone or with descriptors, "
+        f"{name}: expected Keypoints, an (n, 2) array of points, or cv2.KeyPoint objects, alone or with descriptors, "
         f"got {_described(found)}"
     )
 

@@ -1,6 +1,6 @@
 """Candidates aligned with a marker's pattern in any light, and what that explains: as a whole, in parts, in cells."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from math import sqrt
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from peaksim.native import function
 
 from peakmark.identification.detection import FitSpread
-from peakmark.markers.patterns import Variant, surf_cells
+from peakmark.markers.patterns import Made, Variant, surf_cells
 from peakmark.markers.profile import MOST_RADII, RADII, sift_profile
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.refine.align import shape_grid
@@ -20,9 +20,9 @@ from peakmark.refine.model import Pattern, predict
 from peakmark.refine.posture import correlate_candidates
 from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
 
-HOPELESS = 0.05
+HOPELESS: Mapping[Made, float] = {"surf": 0.05, "sift": 0.02}
 """Noise over gain² of the softened image, beyond its own, above which an alignment is given up: of markers
-that nothing covers it is below 0.01."""
+that nothing covers it is below 0.01. Round ones are not looked at again in parts."""
 
 RIM = 0.55
 """Half the side, in sides, of what the last fit takes in: paper is white for half a cell around the pattern."""
@@ -181,7 +181,7 @@ def align_candidates(
     gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], variant: Variant, sigma: float
 ) -> Aligned:
     """Align candidates with one of the markers in an image of noise σ; those that are none are left out."""
-    focal, limits = float(max(gray.shape)), (sigma, HOPELESS)
+    focal, limits = float(max(gray.shape)), (sigma, HOPELESS[variant.made_for])
     coarse = (*lit_template(variant), shapes_of(variant))
     settings = (*lit_pattern(variant), extent_of(variant), focal, *coarse, *limits)
     theta, fits, figures = (np.empty((len(xy), width)) for width in (PARAMETERS, 4, 8))

@@ -64,11 +64,13 @@ def identify_keypoints(
     Raises
     ------
     InputError
-        If there are no descriptors, or they are not as many as key points, of another length, not finite numbers, or a
-        choice is unknown.
+        If there are no descriptors, or they are not as many as key points, of another length, not finite numbers, or
+        below 0 of SIFT, or a choice is unknown.
     """
     check_choice(polarity, (*get_args(Polarity), "both"), "polarity")
     check_choice(limit, (*get_args(Limit), "both"), "limit")
+    if not (root is None or isinstance(root, bool)):
+        raise InputError(f"root: expected True, False or None, got {root!r}")
     points, vectors = _described(keypoints, descriptors)
     wanted: tuple[Polarity, ...] = get_args(Polarity) if polarity == "both" else (polarity,)
     limits: tuple[Limit, ...] = get_args(Limit) if limit == "both" else (limit,)
@@ -83,14 +85,11 @@ def identify_keypoints(
 
 def _described(keypoints: Any, descriptors: ArrayLike | None) -> Described:
     """Return key points with sizes, and descriptors, checked."""
-    points = from_colmap(keypoints) if isinstance(keypoints, np.ndarray) else as_keypoints(keypoints)
+    points = from_colmap(keypoints) if isinstance(keypoints, np.ndarray) else as_keypoints(keypoints, "keypoints")
     given = points.descriptors if descriptors is None else descriptors
     if given is None:
         raise InputError("descriptors: expected (n, 128) of SIFT or (n, 64) of SURF, got none")
-    try:
-        vectors = np.asarray(given, dtype=np.float32)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"descriptors: expected numbers, got {type(given).__name__}") from error
+    vectors = _numbers(given)
     if vectors.ndim != 2 or len(vectors) != len(points):
         raise InputError(f"descriptors: expected ({len(points)}, 128 or 64), got {vectors.shape}")
     if not np.isfinite(vectors).all():
@@ -100,9 +99,23 @@ def _described(keypoints: Any, descriptors: ArrayLike | None) -> Described:
     return points, vectors
 
 
+def _numbers(given: ArrayLike) -> NDArray[np.float32]:
+    """Return descriptors of any number type; those too large for any are inf."""
+    try:
+        array = np.asarray(given)
+    except ValueError as error:  # of rows that differ in length
+        raise InputError(f"descriptors: expected rows of one length, got {type(given).__name__}") from error
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"descriptors: expected numbers, got an array of {array.dtype}")
+    with np.errstate(over="ignore"):
+        return array.astype(np.float32)
+
+
 def _of_sift(
     points: Keypoints, vectors: NDArray[np.float32], variants: list[Variant], root: bool | None
 ) -> tuple[Detection, ...]:
+    if (vectors < 0).any():
+        raise InputError(f"descriptors: expected SIFT's, none below 0, got {vectors.min():g}")
     if root is None:
         both = [_of_sift(points, vectors, variants, one) for one in (False, True)]
         return max(both, key=lambda found: sum(SIFT_LIMIT - float(one.signature_distance) for one in found))

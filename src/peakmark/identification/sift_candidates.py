@@ -6,14 +6,13 @@ interpolation then steps to and fro and gives up; and it has no sign. An octave 
 of twice the size.
 """
 
-from collections.abc import Callable, Iterator
-from functools import cache, partial
-from itertools import pairwise
-from typing import Any
+from collections.abc import Iterator
+from functools import cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.native import function
 
 from peakmark.detectors.dog import dog_responses
 from peakmark.detectors.vlfeat import vlfeat_sift
@@ -29,17 +28,22 @@ SIDE_OF_SIGMA = SIFT_SIDE_IN_SIGMA * np.sqrt(2)
 LEAST_RESPONSE, LEAST_SIGMAS = 0.006, 5.0
 """DoG of a candidate, grey levels 0…1 (OpenCV's default is 0.013), and over that of the image's noise."""
 
-LEAST_QUOTIENT = 0.35
+LEAST_QUOTIENT = 0.45
 """Share of the largest DoG at this variance from which a key point is a candidate."""
 
 SMALLEST_PX = 10.0
 """Side of the smallest candidates."""
 
 _LAYERS, _SIGMA, _OWN_SIGMA = 3, 1.6, 0.5
-"""Scales an octave, σ of an octave's first, and that which an image is thought to have: SIFT's."""
+"""Scales an octave, SIFT's σ, and that which an image is thought to have."""
 
-_SMALLER = 4
-"""Scales below the first octave's first."""
+_FIRST, _SMALLEST, _LARGEST = -4, -3, 3
+"""Scales over SIFT's σ, in steps of the layers: the least of the image itself, and that of its halves, which begin
+before SIFT's, for a place is told between pixels here; and the largest. Octaves have a scale in common, for what lies
+between two may be an extreme of neither."""
+
+_CROSS = ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))
+"""A pixel and its neighbours left, right, above and below."""
 
 _NOISE_OF_DOG = 0.0817
 """Deviation of the DoG of noise of σ 1, times the scale: √((1 + k⁻² − 4 / (1 + k²)) / 4π), k = 2^⅓."""
@@ -50,11 +54,15 @@ _PAGE = 2000
 _NARROW = 0.3
 """Variance of a blur, px², below which a sampled Gaussian is too narrow by a fifth or more."""
 
-_AROUND = np.ones((3, 3), np.uint8)
-"""A point and its eight neighbours."""
+_ROOM = 20_000
+"""Extremes of an octave for which there is room at first."""
 
 _BOX = 6.0
 """Side of the box whose variance is compared, σ."""
+
+_dog_extremes = function(
+    "void dog_extremes(const f4[layers,height,width] blurs, f8 least_size, i4[room,4] found, i8[1] count)"
+)
 
 
 def sift_candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
@@ -94,47 +102,58 @@ def sift_worth(responses: NDArray[np.float64], quotients: NDArray[np.float64]) -
 def dog_extremes(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Return (n, 4) x, y, σ, px, and signed DoG, grey levels 0…1, of the extremes in an image; dark centres are +."""
     base = np.divide(gray, 255, dtype=np.float32)
-    found, step, own_sigma, smaller = [np.empty((0, 4))], 1.0, _OWN_SIGMA, _SMALLER
+    found, step, own_sigma, first = [np.empty((0, 4))], 1.0, _OWN_SIGMA, _FIRST
     while min(base.shape) >= 12:
-        sigmas = _SIGMA * 2 ** (np.arange(-smaller, _LAYERS + 3) / _LAYERS)
-        blurs = map_parallel(partial(blurred, base, own_sigma), sigmas)
-        octave = _extremes(blurs, sigmas)
-        found.append(octave * [step, step, step, 1.0])
-        base = np.ascontiguousarray(blurs[smaller + _LAYERS][::2, ::2])
-        step, own_sigma, smaller = 2 * step, _SIGMA, 0
+        sigmas = _SIGMA * 2 ** (np.arange(first, _LARGEST + 1) / _LAYERS)
+        blurs = np.empty((len(sigmas), *base.shape), np.float32)
+        map_parallel(lambda k: blur(base, own_sigma, sigmas[k], blurs[k]), range(len(sigmas)))
+        found.append(_extremes(blurs, sigmas) * [step, step, step, 1.0])
+        base = np.ascontiguousarray(blurs[-first, ::2, ::2])
+        step, own_sigma, first = 2 * step, _SIGMA / 2, _SMALLEST
     return np.concatenate(found)
 
 
-def blurred(base: NDArray[np.float32], own_sigma: float, sigma: float) -> NDArray[np.float32]:
-    """Return an image of its own blur `own_sigma`, px, blurred to `sigma`."""
-    variance = max(sigma**2 - own_sigma**2, 1e-3)
+def blur(base: NDArray[np.float32], own_sigma: float, sigma: float, result: NDArray[np.float32]) -> None:
+    """Fill in an image of its own blur `own_sigma`, px, blurred to `sigma`."""
+    variance = max(float(sigma**2 - own_sigma**2), 1e-3)
     if variance < _NARROW:  # samples of a narrow Gaussian have half of its variance, three taps have it
         taps = np.array([variance / 2, 1 - variance, variance / 2])
-        return np.asarray(cv2.sepFilter2D(base, -1, taps, taps), dtype=np.float32)
-    return np.asarray(cv2.GaussianBlur(base, (0, 0), np.sqrt(variance)), dtype=np.float32)
+        cv2.sepFilter2D(base, -1, taps, taps, dst=result)
+    else:
+        cv2.GaussianBlur(base, (0, 0), np.sqrt(variance), dst=result)
 
 
-def _around(spread: Callable[..., Any], dog: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(spread(dog, _AROUND), dtype=np.float32)
+def _extremes(blurs: NDArray[np.float32], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, 4) of one octave, dark ones first; places, σ and size by parabolas through neighbours."""
+    rows, count = np.empty((_ROOM, 4), np.int32), np.empty(1, np.int64)
+    _dog_extremes(blurs, LEAST_RESPONSE, rows, count)
+    if count[0] > _ROOM:
+        rows = np.empty((count[0], 4), np.int32)
+        _dog_extremes(blurs, LEAST_RESPONSE, rows, count)
+    rows = rows[: count[0]]
+    k, y, x, sign = rows[np.argsort(-rows[:, 3], kind="stable")].T
+    height, width = blurs.shape[1:]
+
+    def dog(up: int, right: int, down: int) -> NDArray[np.float64]:
+        row, column = np.clip(y + down, 0, height - 1), np.clip(x + right, 0, width - 1)
+        return np.asarray(sign * (blurs[k + up + 1, row, column] - blurs[k + up, row, column]).astype(np.float64))
+
+    layers = [_peak(*(dog(up, *away) for away in _CROSS)) for up in (-1, 0, 1)]
+    larger = _step(*(layer[2] for layer in layers))
+    right, down, most = layers[1]
+    return np.column_stack([x + right, y + down, sigmas[k] * 2 ** (larger / _LAYERS), sign * most])
 
 
-def _extremes(blurs: list[NDArray[np.float32]], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (n, 4) of one octave; σ by a parabola over three scales."""
-    dogs = [larger - smaller for smaller, larger in pairwise(blurs)]
-    found = [np.empty((0, 4))]
-    for sign, spread in ((1.0, cv2.dilate), (-1.0, cv2.erode)):
-        peaks = map_parallel(partial(_around, spread), dogs)
-        for k in range(1, len(dogs) - 1):
-            here = dogs[k].ravel()
-            at = np.flatnonzero(here > LEAST_RESPONSE if sign > 0 else here < -LEAST_RESPONSE)
-            for near in peaks[k - 1 : k + 2]:
-                level = near.ravel()[at]
-                at = at[here[at] >= level if sign > 0 else here[at] <= level]
-            y, x = np.divmod(at, dogs[k].shape[1])
-            less, most, more = (sign * dog[y, x].astype(np.float64) for dog in dogs[k - 1 : k + 2])
-            step = np.clip((less - more) / np.minimum(2 * (less - 2 * most + more), -1e-9), -0.5, 0.5)
-            found.append(np.column_stack([x, y, sigmas[k] * 2 ** (step / _LAYERS), sign * most]))
-    return np.concatenate(found)
+def _step(less: NDArray[np.float64], most: NDArray[np.float64], more: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n,) where the parabola through three values is largest, −½…½."""
+    return np.asarray(np.clip((less - more) / np.minimum(2 * (less - 2 * most + more), -1e-9), -0.5, 0.5))
+
+
+def _peak(most: NDArray[np.float64], *around: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Return (n,) right, down and value of the parabola's top, from values at a pixel, left, right, above and below."""
+    left, right, above, below = around
+    x, y = _step(left, most, right), _step(above, most, below)
+    return x, y, most + (right - left) / 4 * x + (below - above) / 4 * y
 
 
 @cache

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import cache
 from itertools import product
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,6 +23,12 @@ SIFT_COLUMNS = ("signature", "is_disc", "is_light", "edge_1", "edge_2", "edge_4"
 
 _REFERENCE_SIGMA = 8.0
 _FIRST_SIGMA, _LAYERS = 1.6, 3
+
+_SMALL_OCTAVE = 255
+"""The octave, −1, for which OpenCV doubles an image."""
+
+_REACH_SIGMAS, _REACH_PX = 10.7, 9.0
+"""How far a descriptor sees, and the blur beneath it."""
 
 
 def sift_columns(gray: NDArray[np.uint8], aligned: Aligned, variants: tuple[Variant, ...]) -> Mapping[str, Column]:
@@ -64,19 +71,40 @@ def upright_descriptors(
     angle_deg: float = 0.0,
 ) -> NDArray[np.float32]:
     """Return OpenCV's SIFT descriptors (n, 128) at markers' key points, turned by an angle from the image's x axis."""
-    if not len(xy):
-        return np.empty((0, 128), np.float32)
-    sigmas = [float(key_sigma(side, variant)) for side, variant in zip(sides, variants, strict=True)]
-    points = [
-        cv2.KeyPoint(float(x), float(y), 2 * sigma, angle_deg, 1.0, _packed_octave(sigma), k)
-        for k, ((x, y), sigma) in enumerate(zip(xy, sigmas, strict=True))
-    ]
-    detector = cv2.SIFT_create(enable_precise_upscale=True)  # type: ignore[attr-defined]
-    kept, descriptors = detector.compute(gray, points)
     found = np.zeros((len(xy), 128), np.float32)
+    sigmas = np.array([float(key_sigma(side, variant)) for side, variant in zip(sides, variants, strict=True)])
+    is_small = np.array([_packed_octave(sigma) & 255 == _SMALL_OCTAVE for sigma in sigmas], dtype=bool)
+    _describe(gray, xy, sigmas, np.flatnonzero(~is_small), angle_deg, found)
+    for row in np.flatnonzero(is_small):  # OpenCV doubles the whole of an image for them, which costs most of all
+        reach = _REACH_SIGMAS * sigmas[row] + _REACH_PX
+        left, top = (np.maximum(np.floor(xy[row] - reach), 0)).astype(int)
+        right, bottom = np.ceil(xy[row] + reach).astype(int) + 1
+        _describe(gray[top:bottom, left:right], xy - [left, top], sigmas, np.array([row]), angle_deg, found)
+    return found
+
+
+def _describe(
+    gray: NDArray[np.uint8],
+    xy: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    rows: NDArray[np.intp],
+    angle_deg: float,
+    found: NDArray[np.float32],
+) -> None:
+    """Fill in the descriptors of some key points; those that OpenCV leaves out stay."""
+    if not len(rows) or not gray.size:
+        return
+    points = [
+        cv2.KeyPoint(float(x), float(y), 2 * float(sigma), angle_deg, 1.0, _packed_octave(sigma), int(row))
+        for row, (x, y), sigma in zip(rows, xy[rows], sigmas[rows], strict=True)
+    ]
+    kept, descriptors = _sift().compute(gray, points)
     if descriptors is not None:
         found[[point.class_id for point in kept]] = descriptors
-    return found
+
+
+def _sift() -> Any:
+    return cv2.SIFT_create(enable_precise_upscale=True)  # type: ignore[attr-defined]
 
 
 def _packed_octave(sigma: float) -> int:

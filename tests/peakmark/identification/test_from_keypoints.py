@@ -81,7 +81,19 @@ POINTS = np.array([[10.0, 10.0, 2.0, 0.0]])
         (POINTS, np.zeros((2, 128)), "descriptors: expected (1, 128 or 64), got (2, 128)"),
         (POINTS, np.zeros((1, 32), np.uint8), "descriptors: expected (n, 128) of SIFT or (n, 64) of SURF, got (1, 32)"),
         (POINTS, np.full((1, 128), np.nan), "descriptors: expected finite numbers, got nan or inf"),
-        (POINTS, [["a"] * 128], "descriptors: expected numbers, got list"),
+        (POINTS, [["a"] * 128], "descriptors: expected numbers, got an array of <U1"),
+        (POINTS, [[1.0] * 128, [1.0]], "descriptors: expected rows of one length, got list"),
+        (POINTS, np.ones((1, 128)) * 1j, "descriptors: expected numbers, got an array of complex128"),
+        (POINTS, np.ones((1, 128), bool), "descriptors: expected numbers, got an array of bool"),
+        (POINTS, np.full((1, 128), 1e300), "descriptors: expected finite numbers, got nan or inf"),
+        (POINTS, np.full((1, 128), -0.25), "descriptors: expected SIFT's, none below 0, got -0.25"),
+        (POINTS, np.zeros(128), "descriptors: expected (1, 128 or 64), got (128,)"),
+        (
+            [1, 2],
+            np.zeros((2, 128)),
+            "keypoints: expected Keypoints, an (n, 2) array of points, or cv2.KeyPoint objects, alone or with "
+            "descriptors, got list of int",
+        ),
         (
             POINTS[:, :3],
             np.zeros((1, 128)),
@@ -99,3 +111,8 @@ def test_what_does_not_fit_is_named(points: Any, descriptors: Any, message: str)
     with pytest.raises(InputError) as error:
         identify_keypoints(points, descriptors)
     assert str(error.value) == message
+
+
+def test_roots_are_told_by_a_truth_value() -> None:
+    with pytest.raises(InputError, match="root: expected True, False or None, got 'yes'"):
+        identify_keypoints(POINTS, np.ones((1, 128)), root="yes")  # type: ignore[arg-type]

@@ -12,7 +12,13 @@ from peakmark.identification.detection import Detection
 from peakmark.identification.families import surf_disc_pages
 from peakmark.identification.sift_candidates import blurred, dog_extremes, sift_candidate_pages, sift_worth
 from peakmark.identification.sift_features import shared_distances
-from peakmark.identification.sift_signature import SIGNATURE, reference_sift_descriptor, sift_signature_distances
+from peakmark.identification.sift_signature import (
+    SIGNATURE,
+    key_sigma,
+    reference_sift_descriptor,
+    sift_signature_distances,
+    upright_descriptors,
+)
 from peakmark.markers.array_code import THREE_BIT, polarities_of
 from peakmark.markers.patterns import SIFT_SIDE_IN_SIGMA, Polarity, Variant, marker_image
 from tests.peakmark.identification.sift_wall import KINDS, wall
@@ -97,6 +103,22 @@ def test_candidates_come_by_what_their_answers_are_worth() -> None:
     assert (np.diff(worth) <= 1e-12).all()
     strong, faint = sift_worth(np.array([0.04, 0.02]), np.array([0.9, 0.9]))
     assert strong - faint == pytest.approx(0.03)
+
+
+def test_small_descriptors_are_those_of_the_whole_image() -> None:
+    """OpenCV's, of key points for which it doubles an image: parts of it serve."""
+    image, truth = wall()
+    sides = np.array([24.0] * len(truth))
+    xy, variants = np.array([xy for _, xy, _ in truth]), tuple(kind for kind, _, _ in truth)
+    found = upright_descriptors(image, xy, sides, variants)
+    points = [
+        cv2.KeyPoint(float(x), float(y), 2 * float(key_sigma(24.0, kind)), 0.0, 1.0, 255 | 2 << 8)
+        for (x, y), kind in zip(xy, variants, strict=True)
+    ]
+    _, whole = cv2.SIFT_create(enable_precise_upscale=True).compute(image, points)  # type: ignore[attr-defined]
+    is_same_layer = np.array([kind.limit == "energy" for kind in variants])
+    off = np.abs(found - whole)[is_same_layer].max(axis=1)
+    assert off.max() <= 8  # of 255
 
 
 def test_an_empty_image_has_none() -> None:
