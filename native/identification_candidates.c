@@ -79,18 +79,22 @@ static bool is_extreme(const stack *s, int64_t k, int64_t y, int64_t x, float si
     return true;
 }
 
-/* Whether one of eight differences from a column on is beyond the least. */
-static inline bool has_any(const float *lower, const float *upper, float8 least) {
-    lanes8 is_beyond = absolute8(load8(upper) - load8(lower)) > least;
-    uint64_t words[4];
-    memcpy(words, &is_beyond, sizeof words);
-    return (words[0] | words[1] | words[2] | words[3]) != 0;
+static inline float8 dog8(const float *lower, int64_t plane, int64_t away) {
+    return load8(lower + plane + away) - load8(lower + away);
 }
 
-/* Whether the next difference of the row is nearer to 0, which says no more often than not. */
-static inline bool is_least_far(const float *lower, int64_t plane, float here) {
-    float next = lower[plane + 1] - lower[1];
-    return here > 0 ? next <= here : next >= here;
+/* Which of eight differences are beyond the least, and none of the four beside them is beyond them; false where none is. */
+static inline bool may_be_extreme(const float *lower, int64_t plane, int64_t width, float8 least, int32_t *is_likely) {
+    const int64_t beside[4] = {-1, 1, -width, width};
+    float8 here = dog8(lower, plane, 0);
+    lanes8 is_positive = here > all8(0), likely = absolute8(here) > least;
+    for (int i = 0; i < 4; i++) {
+        float8 other = dog8(lower, plane, beside[i]);
+        likely &= (is_positive & (other <= here)) | (~is_positive & (other >= here));
+    }
+    uint64_t words[4];
+    memcpy(words, &likely, sizeof words), memcpy(is_likely, &likely, sizeof likely);
+    return (words[0] | words[1] | words[2] | words[3]) != 0;
 }
 
 /* Fill in layer, row and column, and the sign, of the extremes among the differences of neighbouring images, as far as there is
@@ -102,18 +106,19 @@ EXPORT void dog_extremes(const float *blurs, int64_t layers, int64_t height, int
     int64_t n = 0;
     for (int64_t k = 1; k < layers - 2; k++)
         for (int64_t y = 0; y < height; y++)
-            for (int64_t x = 0; x < width; x++) {
+            for (int64_t x = 0, ahead = 0; x < width; x += ahead) {
                 const float *lower = blurs + (k * height + y) * width + x;
-                if (x % 8 == 0 && x + 8 <= width && !has_any(lower, lower + height * width, all8(least))) {
-                    x += 7;
-                    continue;
+                int32_t is_likely[8] = {1};
+                bool is_inner = y > 0 && y < height - 1 && x > 0 && x + 9 <= width;
+                ahead = is_inner ? 8 : 1;
+                if (is_inner && !may_be_extreme(lower, height * width, width, all8(least), is_likely)) continue;
+                for (int64_t i = 0; i < ahead; i++) {
+                    float here = lower[height * width + i] - lower[i];
+                    if (!is_likely[i] || !(fabsf(here) > least) || !is_extreme(&s, k, y, x + i, here > 0 ? 1 : -1)) continue;
+                    int32_t row[4] = {(int32_t)k, (int32_t)y, (int32_t)(x + i), here > 0 ? 1 : -1};
+                    if (n < room) memcpy(found + 4 * n, row, sizeof row);
+                    n++;
                 }
-                float here = lower[height * width] - lower[0];
-                if (!(fabsf(here) > least) || (x + 1 < width && !is_least_far(lower, height * width, here))) continue;
-                if (!is_extreme(&s, k, y, x, here > 0 ? 1 : -1)) continue;
-                int32_t row[4] = {(int32_t)k, (int32_t)y, (int32_t)x, here > 0 ? 1 : -1};
-                if (n < room) memcpy(found + 4 * n, row, sizeof row);
-                n++;
             }
     *count = n;
 }
