@@ -105,12 +105,18 @@ def dog_extremes(gray: NDArray[np.uint8]) -> NDArray[np.float64]:
     found, step, own_sigma, first = [np.empty((0, 4))], 1.0, _OWN_SIGMA, _FIRST
     while min(base.shape) >= 12:
         sigmas = _SIGMA * 2 ** (np.arange(first, _LARGEST + 1) / _LAYERS)
-        blurs = np.empty((len(sigmas), *base.shape), np.float32)
-        map_parallel(lambda k: blur(base, own_sigma, sigmas[k], blurs[k]), range(len(sigmas)))
+        blurs = _blurs(base, own_sigma, sigmas)
         found.append(_extremes(blurs, sigmas) * [step, step, step, 1.0])
         base = np.ascontiguousarray(blurs[-first, ::2, ::2])
         step, own_sigma, first = 2 * step, _SIGMA / 2, _SMALLEST
     return np.concatenate(found)
+
+
+def _blurs(base: NDArray[np.float32], own_sigma: float, sigmas: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return (n, H, W) an image blurred to each σ."""
+    blurs = np.empty((len(sigmas), *base.shape), np.float32)
+    map_parallel(lambda k: blur(base, own_sigma, float(sigmas[k]), blurs[k]), range(len(sigmas)))
+    return blurs
 
 
 def blur(base: NDArray[np.float32], own_sigma: float, sigma: float, result: NDArray[np.float32]) -> None:
