@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from peaksim import load_scene
 
+from peakmark.experiments.comparison.figures import ComparisonFigures
+from peakmark.experiments.comparison.results import verdict_rows
 from peakmark.experiments.detectability.envelope import Reach, load_rates, reach, sentence
+from peakmark.plain import from_plain
 from tests.places import ROOT
 
 CAMERAS = (("640×480", 600.0), ("1920×1080", 1400.0), ("2048×1536", 1774.0), ("4000×3000, a phone", 2890.0))
@@ -177,6 +180,17 @@ def test_the_first_page_says_who_wins_in_shadow() -> None:
     assert f"{words}{100 * opencv['value']:.0f} % by OpenCV" in text("docs/index.md")
     assert opencv["high"] > ours["low"]  # level: the intervals overlap
     assert ours["low"] > library["high"]  # beaten: they do not
+
+
+def test_the_first_page_says_who_wins_what() -> None:
+    figures = from_plain(ComparisonFigures, json.loads(text("docs/figures/comparison/data.json")))
+    names = [topic.name for topic in figures.topics]
+    sides = dict(zip(names, (row[1] for row in verdict_rows(figures)), strict=True))
+    assert {sides[name] for name in ("shadow", "covered", "centre")} == {"peakmark"}
+    assert {sides[name] for name in ("small", "processor")} == {"others"}
+    assert {sides[name] for name in ("noise", "blur", "tilt", "pose", "position")} == {"level"}
+    words = "ours also win where prints are covered and in the centre, tags when small and in speed; "
+    assert f"{words}noise, blur, tilt and the pose are level" in text("docs/index.md")
 
 
 def test_every_page_of_figures_names_its_command_and_every_data_file_its_own() -> None:

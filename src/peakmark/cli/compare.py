@@ -19,7 +19,7 @@ from peakmark.experiments.comparison.figures import figures_of
 )
 def compare_designs(
     out: Out = Path("out/comparison"),
-    quick: Annotated[bool, Option("--quick", help="Few frames: two minutes.")] = False,
+    quick: Annotated[bool, Option("--quick", help="Few frames: three minutes.")] = False,
     frames: Annotated[
         int | None, Option(help=f"Boards a value of each sweep. [default: {ComparisonConfig.frames}]")
     ] = None,
@@ -32,10 +32,10 @@ def compare_designs(
 ) -> None:
     """Compare markers and arrays with AprilTag, ArUco, rings and corners of one printed area, in the same frames.
 
-    Binary markers are among them. Frames are rendered over size, tilt, noise, blur, shadow, light and cover,
-    path-traced, and warped into photographs; others hold no print. Writes index.md and report.html (who wins, shares
-    with intervals, centres, poses, processor time), rates.png and data.json; an interrupted run resumes. Needs the
-    extras compare and train.
+    Binary markers, SIFT's and discs are among them. Frames are rendered over size, tilt, noise, blur, shadow, light and
+    cover, path-traced, and warped into photographs; others hold one print, by render-tag's recipe, or none. Writes
+    index.md and report.html (who wins, shares with intervals, centres, poses, processor time), rates.png and data.json;
+    an interrupted run resumes. Needs the extras compare and train.
     """
     config = replace(QUICK if quick else ComparisonConfig(), seed=seed, folder=folder)
     config = config if frames is None else replace(config, frames=frames)

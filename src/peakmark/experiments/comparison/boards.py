@@ -102,10 +102,10 @@ def random_pose(side_px: float, tilt_deg: float, rng: np.random.Generator) -> Po
     return compose(turn, -distance * turn[:, 2] + aside)
 
 
-def seen_prints(board: tuple[Print, ...], pose: Pose) -> tuple[TruePrint, ...]:
+def seen_prints(board: tuple[Print, ...], pose: Pose, camera: Camera = CAMERA) -> tuple[TruePrint, ...]:
     """Return the prints that are in the image, wholly or in part, and where."""
-    seen = [_true(one, pose) for one in board]
-    size = [CAMERA.width, CAMERA.height]
+    seen = [_true(one, pose, camera) for one in board]
+    size = [camera.width, camera.height]
     return tuple(
         one
         for one in seen
@@ -115,17 +115,19 @@ def seen_prints(board: tuple[Print, ...], pose: Pose) -> tuple[TruePrint, ...]:
     )
 
 
-def _true(one: Print, pose: Pose) -> TruePrint | None:
+def _true(one: Print, pose: Pose, camera: Camera) -> TruePrint | None:
     """Return a print's truth; None where its plane is not before the camera."""
-    outline = CAMERA.project(transform(invert(pose), one.place(CORNERS * (1 + MARGIN))))
-    corners = CAMERA.project(transform(invert(pose), one.corners_m))
-    center = CAMERA.project(transform(invert(pose), one.middles_m)).mean(axis=0)
+    outline, corners, middles = (
+        camera.project(transform(invert(pose), points))
+        for points in (one.place(CORNERS * (1 + MARGIN)), one.corners_m, one.middles_m)
+    )
+    center = middles.mean(axis=0)
     if not (np.isfinite(outline).all() and np.isfinite(center).all()):
         return None
     x, y = corners.T
     area = abs((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
     sight = pose[:3, 3] - [one.x_m, one.y_m, 0.0]
     tilt = float(np.degrees(np.arccos(abs(sight[2]) / np.linalg.norm(sight))))
-    inside = np.subtract([CAMERA.width, CAMERA.height], 1 + _EDGE_PX)
+    inside = np.subtract([camera.width, camera.height], 1 + _EDGE_PX)
     whole = bool((outline > _EDGE_PX).all() and (outline < inside).all())
     return TruePrint(one.design, one.code, (float(center[0]), float(center[1])), float(np.sqrt(area)), tilt, whole)

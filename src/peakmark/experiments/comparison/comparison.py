@@ -11,7 +11,9 @@ from peaksim.traced.library import is_available
 from peakmark.experiments.comparison.frames import SWEEPS, Shot, View, bare_shot, clean_shot, traced_shot, warped_shot
 from peakmark.experiments.comparison.measure import FrameOutcome, measure
 from peakmark.experiments.comparison.own_images import shot_of
-from peakmark.experiments.comparison.readers import READERS
+from peakmark.experiments.comparison.prints import DESIGNS
+from peakmark.experiments.comparison.readers import READERS, Reader
+from peakmark.experiments.comparison.recipe import recipe_shot
 from peakmark.experiments.images.truth import read_set
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.option import check_range
@@ -22,6 +24,9 @@ TRACED_SAMPLES = 64
 
 PER_BOARD = {"traced": 5, "warped": 12, "bare": 12}
 """Frames of the other sets for each board a value; traced ones are left out where Mitsuba is missing."""
+
+RECIPE_POSES = 8
+"""Poses of the recipe for each board a value; in each, every design hangs alone."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ class ComparisonConfig:
 
 
 QUICK = ComparisonConfig(frames=1, every=2)
-"""About two minutes."""
+"""About three minutes."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +55,11 @@ class Frame:
     """One frame of the comparison."""
 
     set: str
-    """"clean" (rendered exactly), "traced", "warped" (into photographs), "bare" (no print at all), or "folder"."""
+    """"clean" (rendered exactly), "traced", "warped" (into photographs), "bare" (no print at all), "render-tag" (one
+    print alone, by that benchmark's recipe), or "folder"."""
     quantity: str = ""
     value: float = 0.0
-    """Of "clean": a key of `SWEEPS` and one of its values."""
+    """Of "clean": a key of `SWEEPS` and one of its values; of "render-tag": the design."""
     number: int = 0
 
     @property
@@ -82,6 +88,8 @@ def _frames(config: ComparisonConfig) -> Iterator[Frame]:
     for name, count in PER_BOARD.items():
         if name != "traced" or is_available():
             yield from (Frame(name, number=k) for k in range(count * config.frames))
+    for k in range(RECIPE_POSES * config.frames):
+        yield from (Frame("render-tag", design, number=k) for design in DESIGNS)
     if config.folder is not None:
         yield from (Frame("folder", number=k) for k in range(len(read_set(config.folder).images)))
 
@@ -108,13 +116,24 @@ def compare(
 
 def _measured(config: ComparisonConfig, frames: list[Frame], index: int) -> FrameOutcome:
     frame = frames[index]
-    return measure(shoot(config, frame), [reader for reader in READERS if frame.number % reader.every == 0])
+    return measure(shoot(config, frame), readers_of(frame))
+
+
+def readers_of(frame: Frame) -> list[Reader]:
+    """Return who reads a frame; where one print hangs alone, those that read its design."""
+    return [
+        reader
+        for reader in READERS
+        if frame.number % reader.every == 0 and (frame.set != "render-tag" or frame.quantity == reader.design)
+    ]
 
 
 def shoot(config: ComparisonConfig, frame: Frame) -> Shot:
     """Return a frame's image and truth."""
-    stream = [config.seed, *frame.name.encode()]
-    rng = np.random.default_rng(stream)
+    if frame.set == "render-tag":
+        (design,) = (design for design in DESIGNS if design == frame.quantity)
+        return recipe_shot(design, np.random.default_rng([config.seed, *b"render-tag", frame.number]))
+    rng = np.random.default_rng([config.seed, *frame.name.encode()])
     if frame.set == "clean":
         return clean_shot(replace(View(), **{frame.quantity: frame.value}), rng)
     if frame.set == "traced":

@@ -31,7 +31,7 @@ class Line:
     """One figure of all readers that have it."""
 
     set: str
-    """Which frames: "clean", "traced", "warped", "bare", "folder"."""
+    """Which frames: "clean", "traced", "warped", "bare", "render-tag", "folder"."""
     what: str
     """Key of `WHAT`."""
     quantity: str
@@ -174,16 +174,24 @@ def lines_of(measured: Sequence[Measured]) -> tuple[Line, ...]:
 # --- who wins -----------------------------------------------------------------------------------------------
 
 
+LEAST_CASES = 10
+"""A figure of fewer says nothing of who wins: the 99 % quantile of two poses is the worse of them."""
+
+
+def ranked_of(figures: Sequence[Figure]) -> list[Figure]:
+    """Return the figures that are compared: of readers with numbers, and of enough cases."""
+    unranked = {reader.name for reader in READERS if not reader.has_id}
+    return [f for f in figures if f.value is not None and f.of >= LEAST_CASES and f.reader not in unranked]
+
+
 def best_of(figures: Sequence[Figure], larger_is_better: bool) -> tuple[str, ...]:
     """Return who wins: the best value, and with it all whose interval reaches into that of the best, best first.
 
-    Readers without numbers are not ranked: they answer wherever something looks alike.
+    Readers without numbers are not ranked: they answer wherever something looks alike. Nor are figures of fewer than
+    `LEAST_CASES`.
     """
-    unranked = {reader.name for reader in READERS if not reader.has_id}
     sign = -1.0 if larger_is_better else 1.0
-    ranked = sorted(
-        (f for f in figures if f.value is not None and f.reader not in unranked), key=lambda f: sign * (f.value or 0.0)
-    )
+    ranked = sorted(ranked_of(figures), key=lambda f: sign * (f.value or 0.0))
     if not ranked:
         return ()
     first = ranked[0]
@@ -217,6 +225,7 @@ TOPICS: tuple[tuple[str, str, str, bool, Chosen], ...] = (
     ("covered", "found with 5…30 % of the width covered", "recall", True, _hard("covered", lambda v: v > 0)),
     ("traced", "found in path-traced frames", "recall", True, _set("traced")),
     ("warped", "found when warped into photographs", "recall", True, _set("warped")),
+    ("recipe", "found by render-tag's recipe", "recall", True, _set("render-tag")),
     ("folder", "found in the folder's images", "recall", True, _set("folder")),
     ("false", "photographs without prints with a false answer", "false", False, _set("bare")),
     ("wrong", "frames with other prints, with a false answer", "false", False, _set("clean", "traced", "warped")),
@@ -224,6 +233,13 @@ TOPICS: tuple[tuple[str, str, str, bool, Chosen], ...] = (
     ("pose", "frames that tell the camera's pose", "pose", True, _set("traced", "warped")),
     ("position", "camera's position over its distance, median", "position_p50", False, _set("traced", "warped")),
     ("position 99", "camera's position over its distance, 99 %", "position_p99", False, _set("traced", "warped")),
+    (
+        "one print",
+        "camera's position from one print, by render-tag's recipe",
+        "position_p50",
+        False,
+        _set("render-tag"),
+    ),
     ("processor", "processor time a VGA frame, median", "cpu_p50", False, _set("clean")),
 )
 """Name, question, figure, whether more of it is better, and the frames that count."""

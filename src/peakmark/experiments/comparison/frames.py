@@ -7,6 +7,7 @@ from functools import cache
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor, capture_image
 from peaksim.geometry.pose import Pose, invert, transform
 from peaksim.rendering import render
@@ -35,8 +36,6 @@ _GREY = 110
 
 _FINE = 4
 """Samples a pixel and axis of warped prints."""
-
-_WALL_M = 2.4
 
 
 @dataclass(frozen=True)
@@ -81,6 +80,7 @@ class Shot:
     truth: tuple[TruePrint, ...]
     pose: Pose | None
     """(4, 4) world from camera; None where there is no board."""
+    camera: Camera = CAMERA
 
 
 def clean_shot(view: View, rng: np.random.Generator) -> Shot:
@@ -149,15 +149,19 @@ def random_view(rng: np.random.Generator, steepest_deg: float) -> View:
 
 
 def board_scene(
-    board: tuple[Print, ...], rng: np.random.Generator, covered: float, material: Material = PRINT
+    board: tuple[Print, ...],
+    rng: np.random.Generator,
+    covered: float = 0.0,
+    material: Material = PRINT,
+    wall_m: float = 2.4,
 ) -> Scene:
-    """Return a board's prints on a wall of a photograph that nothing was trained on."""
+    """Return a board's prints on a wall of a photograph that nothing was trained on; `wall_m` is its side."""
     photos = _photos()
     photo = scene_build.scale_contrast(photos[str(rng.choice(list(photos)))], float(rng.uniform(0.3, 1)), 140.0)
     away = np.eye(4)
     away[2, 3] = -0.002
-    texture = scene_build.Paper(photo, float(rng.uniform(0.6, 1.5))).cover_surface((_WALL_M, _WALL_M), "wall")
-    wall = Quad("wall", texture, (_WALL_M, _WALL_M), away, material=material)
+    texture = scene_build.Paper(photo, float(rng.uniform(0.6, 1.5))).cover_surface((wall_m, wall_m), "wall")
+    wall = Quad("wall", texture, (wall_m, wall_m), away, material=material)
     side = (1 + 2 * MARGIN) * SIDE_M
     sheets = [
         Quad(f"print {k}", _texture(one, covered), (side, side), one.pose, material=material)

@@ -8,9 +8,10 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, compose, invert, pose_distance
 
-from peakmark.experiments.comparison.boards import CAMERA, Print, TruePrint
+from peakmark.experiments.comparison.boards import Print, TruePrint
 from peakmark.experiments.comparison.frames import Shot
 from peakmark.experiments.comparison.prints import ARRAY_SIDE, SIDE_M, polarity_of_code
 from peakmark.experiments.comparison.readers import READERS, Read, Reader, Reading, Seen
@@ -21,7 +22,12 @@ from peakmark.maps.locate import locate
 from peakmark.maps.marker_map import MappedArray, MarkerMap
 from peakmark.markers.array_code import polarities_of
 
-LIKE = {"marker": ("array", "binary marker"), "binary marker": ("array", "marker")}
+LIKE = {
+    "marker": ("array", "binary marker"),
+    "binary marker": ("array", "marker"),
+    "SIFT marker": ("disc",),
+    "disc": ("SIFT marker",),
+}
 """Designs that are made of the same markers: a marker that is seen there is not counted against its reader. A code
 that is read where no array hangs is."""
 
@@ -116,13 +122,13 @@ def pose_of(reader: Reader, reading: Reading, shot: Shot) -> PoseOutcome | None:
     if shot.pose is None or not prints or not reader.has_id:
         return None
     if reading.found is not None:
-        return _located(reader, reading.found, prints, shot.pose)
-    world_from_camera = solved(reading.seen, {one.code: one for one in prints})
+        return _located(reader, reading.found, prints, shot.camera, shot.pose)
+    world_from_camera = solved(reading.seen, {one.code: one for one in prints}, shot.camera)
     return None if world_from_camera is None else _judged(world_from_camera, None, shot.pose)
 
 
-def _located(reader: Reader, found: Found, prints: Sequence[Print], truth: Pose) -> PoseOutcome | None:
-    where = locate(found, CAMERA, map_of(reader, prints))
+def _located(reader: Reader, found: Found, prints: Sequence[Print], camera: Camera, truth: Pose) -> PoseOutcome | None:
+    where = locate(found, camera, map_of(reader, prints))
     return None if where is None else _judged(where.world_from_camera, where.covariance, truth)
 
 
@@ -140,7 +146,7 @@ def map_of(reader: Reader, prints: Sequence[Print]) -> MarkerMap:
     return MarkerMap(centers, axes, np.full(len(centers), side_m), tuple(polarities), arrays)
 
 
-def solved(seen: Sequence[Seen], prints: Mapping[int, Print]) -> Pose | None:
+def solved(seen: Sequence[Seen], prints: Mapping[int, Print], camera: Camera) -> Pose | None:
     """Return the pose from corners, or centres where there are none: a homography by RANSAC, IPPE, least squares."""
     world, image = [], []
     for each in seen:
@@ -156,15 +162,17 @@ def solved(seen: Sequence[Seen], prints: Mapping[int, Print]) -> Pose | None:
     good = np.flatnonzero(agree) if agree is not None else np.zeros(0, np.intp)
     if len(good) < 4:
         return None
-    flat = (points[good], pixels[good], CAMERA.matrix, None)
+    flat = (points[good], pixels[good], camera.matrix, None)
     count, turns, shifts, _ = cv2.solvePnPGeneric(*flat, flags=cv2.SOLVEPNP_IPPE)
     fits = [cv2.solvePnPRefineLM(*flat, turns[k], shifts[k]) for k in range(count)]
-    turn, shift = min(fits, key=lambda fit: _reprojection(flat[0], flat[1], *fit), default=(None, None))
+    turn, shift = min(fits, key=lambda fit: _reprojection(flat[:3], *fit), default=(None, None))
     return None if turn is None or shift is None else invert(compose(cv2.Rodrigues(turn)[0], shift.ravel()))
 
 
-def _reprojection(points: NDArray[np.float64], pixels: NDArray[np.float64], turn: Any, shift: Any) -> float:
-    expected = cv2.projectPoints(points, turn, shift, CAMERA.matrix, None)[0].reshape(-1, 2)
+def _reprojection(seen: tuple[NDArray[np.float64], ...], turn: Any, shift: Any) -> float:
+    """Return the sum of squares of (points, pixels, camera's matrix) at a pose."""
+    points, pixels, matrix = seen
+    expected = cv2.projectPoints(points, turn, shift, matrix, None)[0].reshape(-1, 2)
     return float(((expected - pixels) ** 2).sum())
 
 

@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 from peakmark.detectors.tags import tag_dictionary
 from peakmark.errors import InputError
 from peakmark.markers.array_code import THREE_BIT, polarities_of
-from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, surf_marker
+from peakmark.markers.patterns import Polarity, Variant, marker_image, surf_marker
 
-Design = Literal["marker", "binary marker", "array", "AprilTag 36h11", "ArUco 4×4", "ring", "chess corner"]
+Design = Literal[
+    "marker", "binary marker", "SIFT marker", "disc", "array", "AprilTag 36h11", "ArUco 4×4", "ring", "chess corner"
+]
 DESIGNS: tuple[Design, ...] = get_args(Design)
 
 SIDE_M = 0.06
-"""Side of the square that each design's print takes, black borders and the white inside included; a ring's disc has
-that square's area, an array's three markers and the white between them stand in it."""
+"""Side of the square that each design's print takes, black borders and the white inside included; a ring's ink has
+that square's area, an array's three markers and the white between them stand in it; it is 12 σ of a DoG or disc."""
 
 TEXELS = 360
 """Of that side: a multiple of the 22.5 cells of an array, and of the 6 and 8 modules of the tags."""
@@ -36,11 +37,17 @@ RING_RADIUS = np.sqrt(1 / np.pi)
 """Outer radius of the ring's ink, in sides."""
 
 _RING_IDS = 11
+_MARKERS: Mapping[Design, Variant] = {
+    "marker": Variant("dark", "energy", "surf"),
+    "binary marker": Variant("dark", "range", "surf"),
+    "SIFT marker": Variant("dark", "energy", "sift"),
+    "disc": Variant("dark", "range", "sift"),
+}
+"""Designs that are one marker; their light ones have the number 1."""
 _TAGS: Mapping[Design, str] = {"AprilTag 36h11": "DICT_APRILTAG_36h11", "ArUco 4×4": "DICT_4X4_50"}
 
 IDS: Mapping[Design, int] = {
-    "marker": 2,
-    "binary marker": 2,
+    **dict.fromkeys(_MARKERS, 2),
     "array": 2**THREE_BIT.bits,
     "AprilTag 36h11": 12,
     "ArUco 4×4": 12,
@@ -70,8 +77,7 @@ def _square(design: Design, code: int) -> NDArray[np.uint8]:
         return np.array([[0, 255], [255, 0]], np.uint8).repeat(half, axis=0).repeat(half, axis=1)
     if design == "array":
         return _array(code)
-    limit: Limit = "range" if design == "binary marker" else "energy"
-    return surf_marker(TEXELS, polarity_of_code(code), limit)
+    return marker_image(TEXELS, _MARKERS[design]._replace(polarity=polarity_of_code(code)))
 
 
 def polarity_of_code(code: int) -> Polarity:

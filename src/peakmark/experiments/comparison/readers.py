@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from time import process_time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,9 +103,11 @@ def _markers() -> Read:
     return read
 
 
-def _binary_markers() -> Read:
+def _identified(**asked: Any) -> Read:
+    """Return the reader that calls `identify` with these arguments."""
+
     def read(gray: Gray) -> Reading:
-        markers = identify(gray, limit="range")
+        markers = identify(gray, **asked)
         size = (gray.shape[1], gray.shape[0])
         return Reading(tuple(Seen(int(d.polarity == "light"), d.xy) for d in markers), Found(markers, (), size))
 
@@ -183,7 +186,10 @@ def _corners() -> Read:
 
 READERS = (
     Reader("identify", "marker", "peakmark", _markers),
-    Reader("identify binary", "binary marker", "peakmark", _binary_markers),
+    Reader("identify binary", "binary marker", "peakmark", lambda: _identified(limit="range")),
+    Reader("identify SIFT", "SIFT marker", "peakmark", lambda: _identified(detector="sift")),
+    Reader("disc by SIFT", "disc", "peakmark", lambda: _identified(detector="sift", limit="range")),
+    Reader("disc by SURF", "disc", "peakmark", lambda: _identified(detector="surf-disc")),
     Reader("decode_arrays", "array", "peakmark", _arrays),
     Reader("AprilTag-C", "AprilTag 36h11", "pupil-apriltags", _apriltag_c),
     Reader(

@@ -1,6 +1,7 @@
 """Figures and who wins: the rule itself, counts by set and value, and pages that say what data.json says."""
 
 import json
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 from peakmark.experiments.comparison import results
 from peakmark.experiments.comparison.boards import TruePrint
 from peakmark.experiments.comparison.comparison import Frame, Measured
-from peakmark.experiments.comparison.figures import ComparisonFigures, Figure, best_of, figures_of
+from peakmark.experiments.comparison.figures import ComparisonFigures, Figure, Topic, best_of, figures_of
 from peakmark.experiments.comparison.measure import FrameOutcome, PoseOutcome, ReaderOutcome
 from peakmark.experiments.comparison.own_images import prints_of
 from peakmark.experiments.comparison.readers import READERS
@@ -29,6 +30,7 @@ def figure(reader: str, value: float | None, low: float | None, high: float | No
         ([figure("identify", 0.90, 0.85, 0.95), figure("ringgrid", 0.92, 0.86, 0.96)], True, ("ringgrid", "identify")),
         ([figure("chess-corners", 1.0, 0.9, 1.0), figure("identify", 0.5, 0.4, 0.6)], True, ("identify",)),
         ([figure("ringgrid", None, None, None), figure("identify", 0.1, 0.05, 0.2)], True, ("identify",)),
+        ([replace(figure("ringgrid", 1.0, 1.0, 1.0), of=9), figure("identify", 0.5, 0.4, 0.6)], True, ("identify",)),
         ([], True, ()),
     ],
 )
@@ -98,3 +100,19 @@ def test_prints_of_a_folder_count_where_they_are_whole_flat_and_large() -> None:
         ("array", 3, False),
         ("AprilTag 36h11", 7, False),
     ]
+
+
+def test_who_wins_is_said_in_words(figures: ComparisonFigures) -> None:
+    def topic(*best: str) -> Topic:
+        return Topic(f"won by {best}", "q", "%", True, (figure("identify", 0.9, 0.8, 1.0),), best)
+
+    topics = (topic("identify"), topic("AprilTag-C", "identify SIFT"), topic("ringgrid"), topic())
+    assert [row[1] for row in results.verdict_rows(replace(figures, topics=topics))] == [
+        "peakmark",
+        "level",
+        "others",
+        "–",
+    ]
+    assert [text for _, text in results.in_short(replace(figures, topics=topics))] == ["q", "q", "q"]
+    assert results.honesty_rows(figures) is not None
+    assert results.honesty_rows(replace(figures, lines=())) is None

@@ -7,11 +7,21 @@ import pytest
 from peaksim.traced.library import is_available
 
 from peakmark.experiments.comparison.boards import CAMERA, PITCH, random_board, random_pose, seen_prints
-from peakmark.experiments.comparison.comparison import PER_BOARD, QUICK, ComparisonConfig, frames_of, shoot
+from peakmark.experiments.comparison.comparison import (
+    PER_BOARD,
+    QUICK,
+    RECIPE_POSES,
+    ComparisonConfig,
+    Frame,
+    frames_of,
+    readers_of,
+    shoot,
+)
 from peakmark.experiments.comparison.frames import SWEEPS, Shot, View, bare_shot, clean_shot, warped_shot
 from peakmark.experiments.comparison.measure import measure
 from peakmark.experiments.comparison.prints import DESIGNS, MARGIN
 from peakmark.experiments.comparison.readers import READERS
+from peakmark.experiments.comparison.recipe import recipe_pose
 
 TAGS = [reader for reader in READERS if reader.name in ("locus AprilTag", "AprilTag-C")]
 
@@ -20,7 +30,9 @@ def test_boards_hold_every_design_and_no_paper_covers_a_print() -> None:
     board = random_board(48, np.random.default_rng(0))
     assert {one.design for one in board} == set(DESIGNS)
     assert (1 + MARGIN) / np.sqrt(2) - 0.1 < PITCH - 0.1  # half diagonals of a print and of the paper beside it
-    numbers = [(one.design, one.code) for one in board if one.design not in ("marker", "binary marker", "chess corner")]
+    numbers = [
+        (one.design, one.code) for one in board if one.design in ("array", "AprilTag 36h11", "ArUco 4×4", "ring")
+    ]
     assert len(numbers) == len(set(numbers))
 
 
@@ -60,6 +72,23 @@ def test_a_run_has_every_value_once_a_board_and_its_frames_are_the_same_each_tim
     frames = frames_of(config)
     values = sum(map(len, SWEEPS.values()))
     others = 2 * sum(count for name, count in PER_BOARD.items() if name != "traced" or is_available())
+    others += 2 * RECIPE_POSES * len(DESIGNS)
     assert len({frame.name for frame in frames}) == len(frames) == 2 * values + others
-    assert len(frames_of(QUICK)) < 60
+    assert len(frames_of(QUICK)) < 60 + RECIPE_POSES * len(DESIGNS)
     assert np.array_equal(shoot(config, frames[-2]).gray, shoot(config, frames[-2]).gray)
+
+
+def test_render_tags_recipe_has_one_print_of_its_size_and_tilt_and_the_same_pose_for_every_design() -> None:
+    shots = [shoot(ComparisonConfig(), Frame("render-tag", design, number=3)) for design in ("array", "AprilTag 36h11")]
+    assert np.array_equal(shots[0].pose, shots[1].pose)
+    assert [one.design for shot in shots for one in shot.truth] == ["array", "AprilTag 36h11"]
+    assert shots[0].gray.shape == (1080, 1920)
+    poses = [recipe_pose(np.random.default_rng(seed)) for seed in range(400)]
+    away = np.array([np.linalg.norm(pose[:3, 3]) for pose in poses])
+    sides = 960 / np.tan(np.radians(35)) * 0.06 / away
+    assert (sides.min(), sides.max()) == (pytest.approx(40, abs=4), pytest.approx(320, abs=4))
+    cosines = np.array([pose[2, 3] for pose in poses]) / away
+    assert (cosines.min(), cosines.max()) == (pytest.approx(0.5, abs=0.01), pytest.approx(1, abs=0.01))
+    tags = measure(shots[1], TAGS)
+    assert all(r.pose is not None and r.pose.position < 0.05 for r in tags.readers)
+    assert {reader.name for reader in readers_of(Frame("render-tag", "disc"))} == {"disc by SIFT", "disc by SURF"}

@@ -48,11 +48,12 @@ def test_tags_give_the_pose_and_a_wrong_number_does_not_move_it() -> None:
     corners = [CAMERA.project(transform(invert(pose), one.corners_m)) for one in board]
     seen = [Seen(one.code, xy.mean(axis=0), xy) for one, xy in zip(board, corners, strict=True)]
     for answers in (seen, [*seen, Seen(0, AT, corners[2] + 50), Seen(99, AT, corners[0])]):
-        found = solved(answers, {one.code: one for one in board})
+        found = solved(answers, {one.code: one for one in board}, CAMERA)
         assert found is not None
         assert pose_distance(found, pose)[1] < 0.01
-    assert solved(seen[:0], {}) is None
-    assert solved([Seen(one.code, one.middles_m[0, :2]) for one in board], {one.code: one for one in board}) is None
+    assert solved(seen[:0], {}, CAMERA) is None
+    centers = [Seen(one.code, one.middles_m[0, :2]) for one in board]
+    assert solved(centers, {one.code: one for one in board}, CAMERA) is None
 
 
 def test_maps_have_the_prints_markers_where_they_hang() -> None:

@@ -23,7 +23,7 @@ def test_every_print_takes_a_square_of_one_area(design: Design) -> None:
         if design in ("AprilTag 36h11", "ArUco 4×4", "array", "chess corner"):
             assert widths == [TEXELS] * 2
         middle = [(rows[0] + rows[-1]) / 2 for rows in inked]
-        if "marker" not in design:
+        if "marker" not in design and design != "disc":
             assert middle == pytest.approx([(len(paper) - 1) / 2] * 2, abs=1)
 
 
