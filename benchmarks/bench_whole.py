@@ -155,11 +155,11 @@ def flight_frame(width: int) -> Callable[[], object]:
 
 
 def corpus(folder: Path) -> None:
-    """Make a small corpus with everything varied and full truth: PNG files, shards, tables."""
+    """Make a small corpus with everything varied and full truth, by the exact renderer: PNG files, shards, tables."""
     text = (ROOT / "scenes" / "experiments" / "corpus_small.toml").read_text(encoding="utf-8")
     text = text.replace("width = 320", "width = 640").replace("height = 240", "height = 480")
     text = text.replace("fx = [300, 400]", "fx = [600, 800]").replace("fx = 200", "fx = 400")
-    (folder / "corpus.toml").write_text(text, encoding="utf-8")
+    (folder / "corpus.toml").write_text(f'renderer = "exact"\n{text}', encoding="utf-8")
     with tempfile.TemporaryDirectory(dir=folder) as out:
         make_corpus(load_spec(folder / "corpus.toml", frames=CORPUS_FRAMES), folder, out)
 

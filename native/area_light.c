@@ -9,9 +9,11 @@
 
 enum { KIND, INTENSITY, VECTOR, REFERENCE = 5, SHADOWS, LIGHT_COLUMNS };
 enum { AMBIENT, DIRECTIONAL, POINT };
+enum { RUN = 32 };             /* most pixels of a row that are lit together */
 enum { FEW = 16, MANY = 128 }; /* rays to a light for each triangle of a piece's fan */
 
 #define LIFT_M 1e-5
+#define CURVED 1.1 /* times the radius of a run's corners none of its pixels is farther from the middle, whatever the lens */
 
 typedef double LightRow[LIGHT_COLUMNS];
 
@@ -149,11 +151,16 @@ static bool comes_near(Solids solids, const double *middle, const double *lift, 
     return false;
 }
 
+/* The strength of a light on a face that it strikes, without distance. */
+static double strength_of(const double *light, const double *lift, ToLight to) {
+    return light[INTENSITY] * greater(dot(lift, to.ray) / (LIFT_M * to.length), 0.0);
+}
+
 /* What one light, not an ambient one, adds to the multiplier of a polygon with a middle and a radius. */
 static double light_of(FacePart part, const double *middle, double radius, const double *lift, const double *light,
                        Solids solids) {
     const ToLight to = ray_to_light(light, middle);
-    double strength = light[INTENSITY] * greater(dot(lift, to.ray) / (LIFT_M * to.length), 0.0);
+    double strength = strength_of(light, lift, to);
     if (light[KIND] == POINT) {
         const double falloff = light[REFERENCE] / to.length;
         strength *= falloff * falloff;
@@ -163,18 +170,43 @@ static double light_of(FacePart part, const double *middle, double radius, const
     return strength;
 }
 
-/* The mean multiplier over a polygon that an eye sees. */
-static double mean_light(FacePart part, const double *eye, Lighting lighting) {
-    double u = 0.0, v = 0.0, facing = 0.0, total = 0.0;
+/* Write a polygon's middle, and the lift of its side that an eye sees; return its radius. */
+static double take_middle(FacePart part, const double *eye, double *middle, double *lift) {
+    double u = 0.0, v = 0.0, facing = 0.0;
     for (int64_t i = 0; i < part.n; i++) {
         u += part.polygon[i][0] / (double)part.n;
         v += part.polygon[i][1] / (double)part.n;
     }
-    Vector middle, lift;
     point_on_face(part.plane, u, v, middle);
-    const double radius = sqrt(squared_radius(part, middle));
     for (int axis = 0; axis < 3; axis++) facing += part.face[NORMAL + axis] * (eye[axis] - middle[axis]);
     for (int axis = 0; axis < 3; axis++) lift[axis] = part.face[NORMAL + axis] * (facing >= 0.0 ? LIFT_M : -LIFT_M);
+    return sqrt(squared_radius(part, middle));
+}
+
+/* Write the multiplier of all pixels of a run on one face, if it is the same; false where a light is a point, or something
+   may hide a part of one. */
+static bool take_even_light(FacePart run, const double *eye, Lighting lighting, double *even) {
+    Vector middle, lift;
+    const double radius = CURVED * take_middle(run, eye, middle, lift);
+    *even = 0.0;
+    for (int64_t k = 0; k < lighting.count; k++) {
+        const double *light = lighting.lights[k];
+        if (light[KIND] == POINT) return false;
+        const ToLight to = ray_to_light(light, middle);
+        const double strength = light[KIND] == AMBIENT ? light[INTENSITY] : strength_of(light, lift, to);
+        if (light[KIND] != AMBIENT && strength > 0.0 && light[SHADOWS] > 0.0 &&
+            comes_near(lighting.solids, middle, lift, radius, to))
+            return false;
+        *even += strength;
+    }
+    return true;
+}
+
+/* The mean multiplier over a polygon that an eye sees. */
+static double mean_light(FacePart part, const double *eye, Lighting lighting) {
+    Vector middle, lift;
+    double total = 0.0;
+    const double radius = take_middle(part, eye, middle, lift);
     for (int64_t k = 0; k < lighting.count; k++) {
         const double *light = lighting.lights[k];
         total +=
@@ -224,12 +256,20 @@ EXPORT void light_pieces(const double *planes, int64_t faces, const double *tabl
     }
 }
 
-/* Write the corners of a pixel in a face's coordinates. */
-static void pixel_on_face(const FaceSides *sides, Rays rays, int64_t y, int64_t x, double (*polygon)[2]) {
+/* Write the corners of some pixels of a row in a face's coordinates. */
+static void pixels_on_face(const FaceSides *sides, Rays rays, int64_t y, int64_t first, int64_t n, double (*polygon)[2]) {
     for (int corner = 0; corner < 4; corner++) {
-        const double *ray = corner_of(rays, y + corner / 2, x + (corner + 1) / 2 % 2), w = dot((*sides)[DEPTH], ray);
+        const int64_t x = (corner + 1) / 2 % 2 ? first + n : first;
+        const double *ray = corner_of(rays, y + corner / 2, x), w = dot((*sides)[DEPTH], ray);
         for (int axis = 0; axis < 2; axis++) polygon[corner][axis] = dot((*sides)[axis], ray) / w;
     }
+}
+
+/* How many pixels of a row, from one on, have its owner, up to a run. */
+static int64_t run_length(const int64_t *owners, int64_t left) {
+    int64_t n = 1;
+    while (n < least(left, RUN) && owners[n] == owners[0]) n++;
+    return n;
 }
 
 /* Write the plain light on all pixels of a band that have an owner; see `light_pieces`. */
@@ -243,15 +283,22 @@ EXPORT void light_owned(const double *rays, int64_t rows, int64_t columns, const
     const Lighting lighting = {(const LightRow *)lights,
                                n_lights,
                                {(const Box *)boxes, (const Link *)links, (const SolidFace *)solids, n_solids}};
-    double polygon[4][2];
+    double polygon[4][2], mean;
     (void)nodes;
-    for (int64_t pixel = 0; pixel < height * width; pixel++) {
-        const int64_t y = pixel / width, face = owners[pixel];
-        if (face < 0) continue;
-        pixel_on_face(sides_of(views, y, face), corners, y, pixel % width, polygon);
-        const FacePart part = {(const Vector *)planes + 3 * face, table + TABLE_COLUMNS * face,
-                               (const double (*)[2])polygon, 4};
-        const double mean = mean_light(part, eyes + (poses > 1 ? 3 * y : 0), lighting);
-        for (int64_t channel = 0; channel < channels; channel++) light[pixel * channels + channel] = mean;
-    }
+    for (int64_t y = 0; y < height; y++)
+        for (int64_t x = 0, n; x < width; x += n) {
+            const int64_t face = owners[y * width + x];
+            const double *eye = eyes + (poses > 1 ? 3 * y : 0);
+            n = run_length(owners + y * width + x, width - x);
+            if (face < 0) continue;
+            const FacePart part = {(const Vector *)planes + 3 * face, table + TABLE_COLUMNS * face,
+                                   (const double (*)[2])polygon, 4};
+            pixels_on_face(sides_of(views, y, face), corners, y, x, n, polygon);
+            const bool is_even = take_even_light(part, eye, lighting, &mean);
+            for (int64_t i = x; i < x + n; i++) {
+                if (!is_even) pixels_on_face(sides_of(views, y, face), corners, y, i, 1, polygon);
+                if (!is_even) mean = mean_light(part, eye, lighting);
+                for (int64_t channel = 0; channel < channels; channel++) light[(y * width + i) * channels + channel] = mean;
+            }
+        }
 }
