@@ -68,24 +68,43 @@ static picture cropped(const uint8_t *gray, int64_t width, int64_t left, int64_t
     return crop;
 }
 
+static void add_row(const uint8_t *restrict row, int64_t n, uint32_t *restrict sums) {
+    for (int64_t x = 0; x < n; x++) sums[x] += row[x];
+}
+
+/* The means of whole blocks from a corner of an image on, as `block_means` has them of a crop. */
+static picture means_of(const uint8_t *gray, int64_t width, int64_t left, int64_t top, int64_t rows, int64_t columns,
+                        int64_t block, memory *taken) {
+    picture means = {NULL, rows, columns};
+    float *levels = take(taken, rows * columns, sizeof *levels), each = (float)(block * block);
+    uint32_t *sums = take(taken, columns * block, sizeof *sums);
+    for (int64_t y = 0; levels && sums && y < rows; y++) {
+        memset(sums, 0, (size_t)(columns * block) * sizeof *sums);
+        for (int64_t i = 0; i < block; i++) add_row(gray + (top + y * block + i) * width + left, columns * block, sums);
+        for (int64_t x = 0; x < columns; x++) {
+            uint32_t sum = 0;
+            for (int64_t i = 0; i < block; i++) sum += sums[x * block + i];
+            levels[y * columns + x] = (float)sum / each;
+        }
+    }
+    means.levels = sums ? levels : NULL;
+    return means;
+}
+
 status set_surroundings(surroundings *around, const uint8_t *gray, int64_t height, int64_t width, const double *center,
-                        double size, double level_side, memory *taken) {
+                        double size, double level_side, bool has_crop, memory *taken) {
     double reach = 1.2 * size + 4;
     around->left = inside(center[0] - reach, width), around->top = inside(center[1] - reach, height);
     int64_t right = least(inside(center[0] + reach, width) + 1, width);
     int64_t bottom = least(inside(center[1] + reach, height) + 1, height);
     around->block = most(1, (int64_t)(size / level_side));
-    around->crop = around->level = cropped(gray, width, around->left, around->top, right, bottom, taken);
-    if (!around->crop.levels) return OUT_OF_MEMORY;
-    if (around->block > 1) {
-        picture *level = &around->level;
-        level->height /= around->block, level->width /= around->block;
-        float *means = take(taken, level->height * level->width, sizeof *means);
-        if (!means) return OUT_OF_MEMORY;
-        block_means(around->crop.levels, around->crop.height, around->crop.width, around->block, means, level->height,
-                    level->width);
-        level->levels = means;
-    }
+    int64_t rows = most(0, bottom - around->top) / around->block, columns = most(0, right - around->left) / around->block;
+    around->crop = (picture){NULL, 0, 0};
+    if (has_crop || around->block == 1)
+        around->crop = around->level = cropped(gray, width, around->left, around->top, right, bottom, taken);
+    if (around->block > 1)
+        around->level = means_of(gray, width, around->left, around->top, rows, columns, around->block, taken);
+    if (!around->level.levels || (has_crop && !around->crop.levels)) return OUT_OF_MEMORY;
     if (is_too_small(around)) return DONE;
     around->soft = softened_picture(around->level, taken);
     return around->soft.levels ? DONE : OUT_OF_MEMORY;
@@ -529,7 +548,7 @@ EXPORT status align(const uint8_t *gray, int64_t height, int64_t width, const do
     fitted result = {.length = INFINITY};
     for (int k = 0; k < PLAIN * PLAIN; k++) covariance[k] = NAN;
     status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, false);
-    if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
+    if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, true, &taken);
     bool is_tried = state == DONE && !is_too_small(&around);
     if (is_tried) state = align_plainly(&m, &around, center, size, focal, &search, &result, covariance, &taken);
     give_back(&taken);

@@ -28,8 +28,8 @@ typedef struct coarse {
     double (*score)(const struct coarse *search, const float *values); /* how well levels at the points agree */
 } coarse;
 
-/* An image around a position: its own pixels, block means in which the pattern has about LEVEL_SIDE px a side, and
-   those softened. */
+/* An image around a position: its own pixels, unless they are not wanted, block means in which the pattern has about
+   LEVEL_SIDE px a side, and those softened. */
 typedef struct {
     picture crop, level, soft;
     int64_t left, top, block;
@@ -87,7 +87,7 @@ typedef struct {
 status set_coarse(coarse *search, const double *samples, const double *expected, int64_t count, const double *shapes,
                   int64_t shape_count, bool has_plane);
 status set_surroundings(surroundings *around, const uint8_t *gray, int64_t height, int64_t width, const double *center,
-                        double size, double level_side, memory *taken);
+                        double size, double level_side, bool has_crop, memory *taken);
 bool is_too_small(const surroundings *around);
 picture softened_picture(picture image, memory *taken);
 void sample(const coarse *search, picture image, const double *center, const double *shape, double size, float level,

@@ -389,7 +389,7 @@ EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width,
     fitted result = {.length = INFINITY};
     double ratio = INFINITY, cut = 0;
     status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, true);
-    if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
+    if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, true, &taken);
     bool is_tried = state == DONE && !is_too_small(&around);
     if (is_tried) state = align_lit(&m, &around, center, size, focal, &search, sigma, hopeless, &result, &ratio, &taken);
     if (is_tried && state == DONE && !m.is_round && (is_given_up(&m, &result) || is_unexplained(&result, sigma)))
@@ -445,7 +445,7 @@ EXPORT status finish_in_light(const uint8_t *gray, int64_t height, int64_t width
     pixels chosen;
     equations sums;
     for (int k = 0; k < LIT * LIT; k++) covariance[k] = NAN;
-    status state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, &taken);
+    status state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, true, &taken);
     if (state == DONE) {
         theta[0] -= (double)around.left, theta[1] -= (double)around.top;
         set_anchor(&m, center[0] - (double)around.left, center[1] - (double)around.top, size);

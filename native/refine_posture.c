@@ -54,7 +54,7 @@ EXPORT status correlate_candidates(const uint8_t *gray, int64_t height, int64_t 
         memory taken = {.count = 0};
         surroundings around;
         posture best = {.score = 0};
-        state = set_surroundings(&around, gray, height, width, xy + 2 * i, sides[i], CORRELATED_SIDE, &taken);
+        state = set_surroundings(&around, gray, height, width, xy + 2 * i, sides[i], CORRELATED_SIDE, false, &taken);
         bool is_tried = state == DONE && !is_too_small(&around);
         if (is_tried) best = best_posture(&search, &around, xy + 2 * i, sides[i], shifts, shift_count);
         found[i] = best.score;
@@ -122,7 +122,7 @@ EXPORT status view_candidates(const uint8_t *gray, int64_t height, int64_t width
         memory taken = {.count = 0};
         surroundings around;
         float values[MOST_SAMPLES] = {0};
-        state = set_surroundings(&around, gray, height, width, xy + 2 * i, sides[i], CORRELATED_SIDE, &taken);
+        state = set_surroundings(&around, gray, height, width, xy + 2 * i, sides[i], CORRELATED_SIDE, false, &taken);
         found[i] = 0;
         if (state == DONE && !is_too_small(&around)) {
             posture best = improved(&search, around.soft, in_blocks(postures + 6 * i, &around), slopes);
