@@ -35,7 +35,7 @@ def spec(tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize("workers", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_ctrl_c_says_that_the_same_command_resumes(spec: Path, tmp_path: Path, workers: str) -> None:
     spec.write_text(SPEC.format(frames=3000))
     arguments = ["corpus", "make", str(spec), "--out", str(tmp_path / "c"), "--workers", workers]

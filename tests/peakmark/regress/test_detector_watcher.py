@@ -73,11 +73,11 @@ def start(tmp_path: Path, corpus: str, detector: str, workers: int) -> "subproce
     [
         ("function", "INT", 2),
         ("function", "TERM", 2),
-        ("function", "HUP", 1),
+        pytest.param("function", "HUP", 1, marks=pytest.mark.slow),
         ("function", "KILL", 2),
-        ("program", "TERM", 1),
+        pytest.param("program", "TERM", 1, marks=pytest.mark.slow),
         ("program", "KILL", 1),
-        ("program", "INT", 1),
+        pytest.param("program", "INT", 1, marks=pytest.mark.slow),
     ],
 )
 def test_nothing_outlives_a_run(tmp_path: Path, corpus: str, kind: str, end: str, workers: int) -> None:

@@ -194,7 +194,8 @@ def test_the_stretch_separates_better_as_the_paper_says() -> None:
 
 
 @pytest.mark.parametrize(
-    "renderer", ["exact", pytest.param("gl", marks=needs_gl), pytest.param("traced", marks=needs_tracing)]
+    "renderer",
+    ["exact", pytest.param("gl", marks=needs_gl), pytest.param("traced", marks=[needs_tracing, pytest.mark.slow])],
 )
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(
     small_scene: Path, tmp_path: Path, renderer: Renderer
