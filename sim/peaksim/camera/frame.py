@@ -112,6 +112,10 @@ class Frame:
         Image.fromarray(to_8_bits(self.image)).save(buffer, "PNG")
         return buffer.getvalue()
 
+    def show(self) -> None:
+        """Open the image in the system's viewer; a notebook shows a frame that ends a cell by itself."""
+        Image.fromarray(to_8_bits(self.image)).show()
+
     @cached_property
     def _surfaces(self) -> "Surfaces":
         return self.surfaces()

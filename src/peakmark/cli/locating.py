@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from peaksim.camera.camera import Camera, resized
 from peaksim.camera.guess import PHONE_35MM, guessed_camera
 from peaksim.exif_file import focal_35mm_of
-from peaksim.geometry.trajectory import Trajectory, quaternions_xyzw
+from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import save_trajectory
 from peaksim.image_file import read_image
 from peaksim.whole_file import whole_file
@@ -23,6 +23,7 @@ from peakmark.cli.sources import SourceImage
 from peakmark.errors import ImageError, InputError
 from peakmark.maps.locate import Location
 from peakmark.maps.marker_map import MarkerMap
+from peakmark.maps.pose_columns import pose_columns
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ def record_of(where: Location) -> PoseRecord:
         where.covariance,
         where.position_sigma_m,
         where.rotation_sigma_deg,
-        int((where.marker_of >= 0).sum()),
+        where.markers,
         where.rms_px,
         where.is_certain,
         where.other,
@@ -188,32 +189,8 @@ def check_ending(path: Path) -> None:
 
 
 def _flat(pose: StampedPose) -> dict[str, Any]:
-    """Return the columns of a pose; the covariance as its upper triangle, row by row."""
-    record = pose.record
-    upper = record.covariance[np.triu_indices(6)]
-    names = [f"c{i}{j}" for i, j in zip(*np.triu_indices(6), strict=True)]
-    return {
-        "file": pose.file,
-        "frame": pose.frame,
-        "stamp": pose.stamp,
-        **_columns("", record.world_from_camera),
-        "markers": record.markers,
-        "rms_px": record.rms_px,
-        **dict(zip(("sigma_x_m", "sigma_y_m", "sigma_z_m"), map(float, record.position_sigma_m), strict=True)),
-        "sigma_deg": record.rotation_sigma_deg,
-        "is_certain": record.is_certain,
-        "page": record.page,
-        **_columns("other_", record.other),
-        **dict(zip(names, map(float, upper), strict=True)),
-    }
-
-
-def _columns(prefix: str, pose: NDArray[np.float64] | None) -> dict[str, float | None]:
-    names = [f"{prefix}{name}" for name in ("tx", "ty", "tz", "qx", "qy", "qz", "qw")]
-    if pose is None:
-        return dict.fromkeys(names)
-    quaternion = quaternions_xyzw(Trajectory(np.zeros(1), pose[None]))[0]
-    return dict(zip(names, map(float, (*pose[:3, 3], *quaternion)), strict=True))
+    """Return the columns of a pose."""
+    return {"file": pose.file, "frame": pose.frame, "stamp": pose.stamp, **pose_columns(pose.record)}
 
 
 def _add_row(file: IO[str], pose: StampedPose, is_first: bool) -> None:

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from itertools import islice
 from pathlib import Path
@@ -50,11 +50,16 @@ def writer_of(path: Path) -> Callable[[Path, Iterable[FoundRow]], None]:
 
 def data_frame(rows: Sequence[FoundRow]) -> Any:
     """Return rows as a `pandas.DataFrame`; without pandas an `InputError` says how to install it."""
+    return frame_of([_flat(row) for row in rows], _FLAT_COLUMNS)
+
+
+def frame_of(rows: Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None) -> Any:
+    """Return plain values by name as a `pandas.DataFrame`; without pandas an `InputError` says how to install it."""
     try:
         import pandas
     except ImportError as error:
-        raise InputError("to_dataframe needs pandas: pip install pandas") from error
-    return pandas.DataFrame([_flat(row) for row in rows], columns=_FLAT_COLUMNS)
+        raise InputError("to_dataframe needs pandas: pip install 'peakmark[pandas]'") from error
+    return pandas.DataFrame(list(rows), columns=columns)
 
 
 _FLAT_COLUMNS = [*(name for name in COLUMNS if name not in ("corners", "doubt")), *CORNER_COLUMNS, "doubt"]

@@ -18,6 +18,7 @@ from peaksim.geometry.pose import Pose, compose, invert, transform
 from peakmark.arrays.decode import MarkerArray, decode_arrays
 from peakmark.errors import InputError
 from peakmark.found.found import Found, find
+from peakmark.found.tables import frame_of
 from peakmark.identification.detection import Detection
 from peakmark.localise.from_arrays import pose_from_arrays, rotated_to
 from peakmark.localise.locate import FEWEST, FloorMap
@@ -26,6 +27,7 @@ from peakmark.localise.pose import STEP, PoseEstimate, PoseFit, estimate_pose, e
 from peakmark.localise.residuals import Correspondences, MarkerFits, Residuals
 from peakmark.localise.uncertainty import marker_fits
 from peakmark.maps.marker_map import MarkerMap
+from peakmark.maps.pose_columns import pose_columns
 from peakmark.markers.patterns import Polarity
 
 _GATES = (0.6, 0.25)
@@ -76,6 +78,19 @@ class Location:
     def is_certain(self) -> bool:
         """Whether no other pose explains what is seen nearly as well."""
         return self.estimate.is_certain
+
+    @property
+    def markers(self) -> int:
+        """Number of markers of the map that were seen."""
+        return int((self.marker_of >= 0).sum())
+
+    def to_dataframe(self) -> Any:
+        """Return one row of a `pandas.DataFrame`, with the columns of `peakmark identify --poses poses.csv`.
+
+        Those are position and quaternion, σ, the second solution and the covariance's upper triangle. Without pandas an
+        `InputError` says how to install it.
+        """
+        return frame_of([pose_columns(self)])
 
     @property
     def position_sigma_m(self) -> NDArray[np.float64]:

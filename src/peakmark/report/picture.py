@@ -30,6 +30,10 @@ class Picture:
         Image.fromarray(self.pixels).save(buffer, "PNG")
         return buffer.getvalue()
 
+    def show(self) -> None:
+        """Open the image in the system's viewer."""
+        Image.fromarray(self.pixels).show()
+
     def save(self, path: str | Path) -> None:
         """Write the image; the ending tells the format."""
         Image.fromarray(self.pixels).save(path)

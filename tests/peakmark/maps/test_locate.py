@@ -54,6 +54,15 @@ def test_exact_detections_give_the_exact_pose(sheet: MarkerMap, tilt: float, rol
     assert where.rms_px < 1e-5
 
 
+def test_a_location_is_one_row_of_a_data_frame(sheet: MarkerMap) -> None:
+    pytest.importorskip("pandas")
+    pose = pose_over(0.5, 30, 40, 0)
+    table = located(detections(sheet, CAMERA, pose), sheet).to_dataframe()
+    assert len(table) == 1
+    assert table[["tx", "ty", "tz"]].to_numpy()[0] == pytest.approx(pose[:3, 3], abs=1e-6)
+    assert {"qw", "sigma_x_m", "sigma_deg", "is_certain", "other_tx", "c00", "c55"} <= set(table.columns)
+
+
 def test_the_stated_covariance_is_that_of_the_errors(sheet: MarkerMap) -> None:
     """The squared errors over the covariance add up as χ² of six per view, or less: shapes are given half weight."""
     rng, nees = np.random.default_rng(0), []

@@ -4,6 +4,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pytest
 from peaksim import Camera, Scene, render
 from PIL import Image
 
@@ -26,3 +27,12 @@ def test_a_frame_is_shown_as_it_is() -> None:
     frame = render(Scene(()), Camera(32, 24, 30.0), np.eye(4), renderer="exact")
     assert np.array_equal(overlay(frame).pixels, np.dstack([frame.image] * 3))
     assert np.array_equal(np.asarray(Image.open(BytesIO(frame._repr_png_()))), frame.image)
+
+
+def test_images_open_in_the_systems_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[tuple[int, int]] = []
+    monkeypatch.setattr(Image.Image, "show", lambda image: shown.append(image.size))
+    frame = render(Scene(()), Camera(32, 24, 30.0), np.eye(4), renderer="exact")
+    frame.show()
+    overlay(frame).show()
+    assert shown == [(32, 24), (32, 24)]
