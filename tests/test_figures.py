@@ -13,6 +13,7 @@ from peaksim import load_scene
 from peakmark.experiments.comparison.figures import ComparisonFigures
 from peakmark.experiments.comparison.results import verdict_rows
 from peakmark.experiments.detectability.envelope import Reach, load_rates, reach, sentence
+from peakmark.experiments.poses.figures import PoseFigures, figure_row
 from peakmark.plain import from_plain
 from tests.places import ROOT
 
@@ -191,6 +192,19 @@ def test_the_first_page_says_who_wins_what() -> None:
     assert {sides[name] for name in ("noise", "blur", "tilt", "pose", "position")} == {"level"}
     words = "ours also win where prints are covered and in the centre, tags when small and in speed; "
     assert f"{words}noise, blur, tilt and the pose are level" in text("docs/index.md")
+
+
+def test_poses_and_calibrations() -> None:
+    page = text("docs/figures/poses.md")
+    for each in data("poses")["poses"]:
+        assert "| " + " | ".join(figure_row(from_plain(PoseFigures, each))) + " |" in page
+    page = text("docs/how-to/calibrate-a-camera.md")
+    ours = [each for each in data("calibration")["cameras"] if each["board"] == "peakmark" and each["lens"] == "brown5"]
+    field, focal = (np.array([each[name] for each in ours]) for name in ("field_px", "focal_percent"))
+    nees = sum(each["nees"] for each in ours) / sum(each["parameters"] for each in ours)
+    assert f"| `calibrate`, brown5 | {len(ours)} | {np.median(focal):.4f} ({focal.max():.4f}) % |" in page
+    assert f"| {np.median(field):.3f} ({field.max():.3f}) px |" in page
+    assert f"| {nees:.1f} |" in page
 
 
 def test_every_page_of_figures_names_its_command_and_every_data_file_its_own() -> None:

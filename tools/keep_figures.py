@@ -28,6 +28,8 @@ COMMANDS = {
     "cave_sift": "peakmark cave --marker sift",
     "cave_rule_paper": "peakmark cave --rule paper",
     "dense_wall": "python scripts/dense_wall.py",
+    "poses": "python scripts/evaluate_poses.py --traced 16 --seed 7",
+    "calibration": "python scripts/evaluate_calibration.py --views 15",
 }
 """Data file → what makes it."""
 
