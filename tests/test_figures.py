@@ -15,6 +15,7 @@ from peakmark.experiments.comparison.results import verdict_rows
 from peakmark.experiments.detectability.envelope import Reach, load_rates, reach, sentence
 from peakmark.experiments.poses.figures import PoseFigures, figure_row
 from peakmark.plain import from_plain
+from peakmark.report.page import markdown_table
 from tests.places import ROOT
 
 CAMERAS = (("640×480", 600.0), ("1920×1080", 1400.0), ("2048×1536", 1774.0), ("4000×3000, a phone", 2890.0))
@@ -90,6 +91,17 @@ def test_what_is_said_of_sifts_marker_and_the_disc_at_60_degrees() -> None:
     for marker, detector in (("surf-dark", "surf"), ("sift-dark", "sift"), ("sift-range-dark", "surf")):
         (one,) = (r for r in reach(load_rates(marker, detector), focal_px, SIDE_M) if r.tilt_deg == 60)
         assert sentence(SIDE_M, one) in page
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"), [("detectability", 3), ("detectability_paper", 2)], ids=["random phases", "one image a point"]
+)
+def test_the_tables_of_detectability(name: str, shown: int) -> None:
+    page = text("docs/figures/detectability.md")
+    for rows in list(data(name)["tables"].values())[:shown]:
+        measured = [row for row in rows if "not measured" not in row.get("what we find", "")]
+        assert len(measured) > 2
+        assert markdown_table(list(rows[0]), [list(row.values()) for row in measured]) in page
 
 
 def test_the_lab_floor() -> None:

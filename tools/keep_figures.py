@@ -19,6 +19,12 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "figures" / "data"
 
+PHASES = (
+    "--only scale --only contrast --only exposure --only vignetting --only jpeg --only defocus --only motion "
+    "--only bias --only background"
+)
+"""Experiments whose tables the page has."""
+
 COMMANDS = {
     "floor": "peakmark floor --renderer gl",
     "floor_preset_paper": "peakmark floor --renderer gl --preset paper",
@@ -30,6 +36,8 @@ COMMANDS = {
     "dense_wall": "python scripts/dense_wall.py",
     "poses": "python scripts/evaluate_poses.py --traced 16 --seed 7",
     "calibration": "python scripts/evaluate_calibration.py --views 15",
+    "detectability": f"python scripts/detectability.py {PHASES}",
+    "detectability_paper": "python scripts/detectability.py --paper",
 }
 """Data file → what makes it."""
 
