@@ -166,6 +166,22 @@ def test_dense_walls() -> None:
         assert f"| {name} | {' | '.join(both)} | {' | '.join(one)} |" in page
 
 
+def test_the_centres_of_round_markers() -> None:
+    page, rows = text("docs/figures/centers.md"), data("centers")["rows"]
+    told = {(row["kind"], row["noise"]): row for row in rows if row["way"] == "refine, focal length told"}
+    kinds = ("sift-dark", "sift-light", "sift-range-dark", "sift-range-light")
+    clean = [told[kind, 0.0] for kind in kinds]
+    nearer = [f"{row['nearer_rms_px']:.4f}; {row['largest_cell_nearer_rms_px']:.4f} px" for row in clean]
+    assert f"| the same, of the nearer of two places | {' | '.join(nearer)} |" in page
+    assert max(row["largest_cell_nearer_rms_px"] for row in clean) < 0.02
+    for noise in (0.0, 1.0, 2.0, 4.0, 8.0):
+        cells = " | ".join(f"{told[kind, noise]['mean_square']:.2f}" for kind in kinds)
+        assert f"| mean normalised square at σ {noise:g} | {cells} |" in page
+    low, high = told["sift-dark", 0.0]["band"]
+    assert f"{low:.2f}…{high:.2f} with 95 %" in page
+    assert f"`{data('centers')['command']}`" in page
+
+
 def test_surf_beside_opencv() -> None:
     ratios = json.loads(text("benchmarks/baseline.json"))
     page, speeds = text("docs/how-to/find-surf-key-points.md"), text("benchmarks/README.md")

@@ -38,6 +38,7 @@ COMMANDS = {
     "calibration": "python scripts/evaluate_calibration.py --views 15",
     "detectability": f"python scripts/detectability.py {PHASES}",
     "detectability_paper": "python scripts/detectability.py --paper",
+    "centers": "python scripts/evaluate_centers.py --views 5 --seed 1",
 }
 """Data file → what makes it."""
 
