@@ -30,6 +30,7 @@ from peakmark.cli.sources import (
 from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.errors import InputError, check_choice, one_line
 from peakmark.experiments.journal import Journal
+from peakmark.experiments.option import check_range
 from peakmark.found.rows import FoundRow
 from peakmark.found.tables import write_rows, writer_of
 from peakmark.identification.families import SOURCES
@@ -93,7 +94,7 @@ def identify(
         bool, Option("--raw-orientation", help="Pixels as the sensor read them out, not rotated as viewers show them.")
     ] = False,
     workers: Annotated[
-        int | None, Option(help="Images at a time, each on one thread. [default: the processors]", min=1, max=1024)
+        int | None, Option(help="Images at a time, each on one thread. [default: the processors]")
     ] = None,
     seed: UnusedSeed = 0,
     quiet: Quiet = False,
@@ -110,6 +111,7 @@ def identify(
     for path, check in ((out, writer_of), (poses, check_ending), (record, check_recording)):
         if path is not None:
             check(path)
+    check_range("workers", workers, 1, 1024)
     named = _sources(sources, camera, frames)
     locator = _locator(calibration, map, scale_bar_mm, scale_calibration, poses)
     failures: list[FailedFile] = []

@@ -122,6 +122,7 @@ def test_a_second_run_does_not_read_the_drawings_of_the_first(folder: Path, iden
         (["in", "--polarity", "grey"], "--polarity: expected one of dark, light, both, got 'grey'"),
         (["in", "--camera", "0"], "--camera 0: expected a camera or SOURCE, got both"),
         (["--camera", "977"], "--camera 977: expected a camera that can be opened; this machine has"),
+        (["in", "--workers", "0"], "--workers: expected 1…1024, got 0"),
         (["in", "--frames", "3"], "--frames 3: expected together with --camera"),
         (["in", "--overlay", "in/dark.png"], "--overlay in/dark.png: expected a folder: File exists"),
     ],
