@@ -20,8 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "figures" / "data"
 
 PHASES = (
-    "--only scale --only contrast --only exposure --only vignetting --only jpeg --only defocus --only motion "
-    "--only bias --only background"
+    "--only scale --only turn --only contrast --only exposure --only vignetting --only jpeg --only defocus "
+    "--only motion --only bias --only background"
 )
 """Experiments whose tables the page has."""
 
