@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -249,3 +250,52 @@ def test_every_page_of_figures_names_its_command_and_every_data_file_its_own() -
 def test_what_is_kept_of_a_result_does_not_depend_on_the_machine() -> None:
     result = {"features": 3, "time_s": {"load": 1.0}, "peak_memory_mb": 5.0, "gl_renderer": "llvmpipe"}
     assert keep_figures().kept(result, "peakmark cave") == {"command": "peakmark cave", "features": 3}
+
+
+KINDS = (("surf", "energy"), ("sift", "energy"), ("sift", "range"), ("surf-disc", "range"))
+"""Columns of the tables of kinds: detector and limit."""
+
+OF_KIND: dict[str, Callable[[dict[str, Any]], str]] = {
+    "found": lambda row: f"{row['found']} of {row['wanted']} ({percent(row['recall'])})",
+    "false": lambda row: f"{row['false']} of {row['detections']} (precision {percent(row['precision'])})",
+    "polarity wrong": lambda row: f"{row['wrong']} (up to {100 * row['wrong_polarity'][1]:.1f} %)",
+    "arrays read": lambda row: f"{row['arrays_read']} of {row['arrays']} ({percent(row['arrays_recall'])})",
+    "wrong codes": lambda row: f"{row['wrong_codes']}",
+    "centre, rms an axis": lambda row: f"{row['rms_px']:.3f} px",
+    "CPU over OpenCV's SIFT": lambda row: f"{row['cpu_over_opencv_sift']:.1f}",
+}
+"""Rows of those tables."""
+
+GROUPS = {
+    "tilt_deg": ("tilt", "°"),
+    "side_px": ("side", " px"),
+    "noise": ("noise, σ", ""),
+    "blur_px": ("blur, σ", " px"),
+}
+"""Figure by which markers are grouped: its name, and its unit."""
+
+
+def percent(interval: list[float]) -> str:
+    return f"{100 * interval[0]:.1f}…{100 * interval[1]:.1f} %"
+
+
+@pytest.mark.parametrize("place", ["floors", "rooms"])
+def test_the_kinds_of_markers(place: str) -> None:
+    page = text("docs/figures/kinds.md").split(f"## {place.capitalize()}")[1].split("\n## ")[0]
+    rows = [row for row in data("kinds")["kinds"] if row["place"] == place]
+    assert [(row["detector"], row["limit"]) for row in rows] == list(KINDS)
+    for name, cell in OF_KIND.items():
+        assert f"| {name} | {' | '.join(map(cell, rows))} |" in page
+
+
+@pytest.mark.parametrize("by", GROUPS)
+def test_the_kinds_of_markers_by_tilt_side_noise_and_blur(by: str) -> None:
+    page, (name, unit) = text("docs/figures/kinds.md"), GROUPS[by]
+    rows = data("kinds")["kinds"]
+    for number, group in enumerate(rows[0]["groups"][by]):
+        cells = []
+        for kind in KINDS:
+            own = [row["groups"][by][number] for row in rows if (row["detector"], row["limit"]) == kind]
+            cells.append(f"{sum(one['found'] for one in own)} of {sum(one['of'] for one in own)}")
+        if any(not cell.endswith(" of 0") for cell in cells):
+            assert f"| {name} {group['from']:g}…{group['to']:g}{unit} | {' | '.join(cells)} |" in page

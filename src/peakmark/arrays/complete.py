@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence, Set
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from peakmark.arrays.lattice import SIZE_RATIO, MarkerShapes
+from peakmark.arrays.lattice import SIZE_RATIO, MarkerShapes, neighbours
 from peakmark.arrays.look import AROUND, OF_SURF, Print, Sighting, correlation_at, look_around, probability_of
 from peakmark.identification.detection import Detection
 from peakmark.identification.general import align_at
@@ -152,8 +151,12 @@ def pairs(seen: MarkerShapes, members: Set[int], pitch: float) -> list[tuple[int
 
     Each is in one pair at most, the one that fits best.
     """
-    free = [k for k in range(len(seen.xy)) if k not in members and seen.is_measured[k]]
-    fits = sorted((gap, i, j) for i, j in combinations(free, 2) if (gap := _misfit(seen, i, j, pitch)) <= PAIR_RADIUS)
+    if len(seen.xy) < 2:
+        return []
+    free = {k for k in range(len(seen.xy)) if k not in members and seen.is_measured[k]}
+    near = neighbours(seen, pitch)
+    beside = {(min(i, j), max(i, j)) for i in free for j in near[i] if j in free}
+    fits = sorted((gap, i, j) for i, j in beside if (gap := _misfit(seen, i, j, pitch)) <= PAIR_RADIUS)
     chosen: list[tuple[int, int]] = []
     for _, i, j in fits:
         if not {i, j} & {k for pair in chosen for k in pair}:
