@@ -16,10 +16,10 @@ def test_it_names_what_is_wrong_with_the_image() -> None:
 
 
 def test_of_what_is_no_marker_the_likeliest_is_named() -> None:
-    half = marker_view(60)
-    half[:, 128:] = 255
-    assert not find(half).markers
-    assert "has a probability of 0." in why_nothing(half)
+    part = marker_view(60)
+    part[:, 116:] = 255
+    assert not find(part).markers
+    assert "has a probability of 0." in why_nothing(part)
 
 
 @pytest.mark.parametrize("made_for", ["surf", "sift"])
