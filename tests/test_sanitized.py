@@ -9,6 +9,7 @@ FILES = (
     "tests/peaksim/test_elementary.py",
     "tests/peaksim/area/test_cells.py",
     "tests/peaksim/area/test_golden.py",
+    "tests/peaksim/area/test_light.py",
     "tests/peaksim/area/test_shown.py",
     "tests/peaksim/area/test_texture_sums.py",
     "tests/peaksim/camera/test_camera.py",
@@ -20,6 +21,9 @@ FILES = (
     "tests/peakmark/surf/test_exact.py",
     "tests/peakmark/surf/test_window.py",
     "tests/peakmark/surf/test_orientation.py",
+    "tests/peakmark/identification/test_candidates.py",
+    "tests/peakmark/identification/test_evidence.py",
+    "tests/peakmark/identification/test_screening.py",
     "tests/peakmark/identification/test_suppression.py",
 )
 
