@@ -71,15 +71,20 @@ class MarkerCandidates:
         return len(self.xy)
 
 
-def candidate_pages(gray: NDArray[np.uint8]) -> Iterator[MarkerCandidates]:
-    """Yield where markers may be in a (H, W) image, `PAGE` at a time; the last, which may be empty, has fewer."""
+def candidate_pages(gray: NDArray[np.uint8], smallest_px: float = SMALLEST_PX) -> Iterator[MarkerCandidates]:
+    """Yield where markers may be in a (H, W) image, `PAGE` at a time; the last, which may be empty, has fewer.
+
+    Below SURF's own smallest filter the image is searched enlarged, unless it is a large one.
+    """
     scale = min(1.0, np.sqrt(_COPIED_PIXELS / gray.size))
     copies = [(np.eye(2), 5, 5)]
     copies += [(np.eye(2) * scale, 5, 5)] if scale < 0.7 else []
     copies += [(squeeze(angle) * scale, 4, 3) for angle in DIRECTIONS_DEG]
+    is_enlarged = smallest_px < SMALLEST_PX and scale == 1
+    copies += [(np.eye(2) * SMALLEST_PX / smallest_px, 1, 5)] if is_enlarged else []
     pad = round(_PAD_SHARE * max(gray.shape))
     padded = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
-    found = map_parallel(lambda copy: _search(gray, np.asarray(padded), pad, *copy), copies)
+    found = map_parallel(lambda copy: _search(gray, np.asarray(padded), pad, smallest_px, *copy), copies)
     yield from pages(np.concatenate(found), SIDE_OF_SCALE, gray.shape)
 
 
@@ -121,7 +126,13 @@ def squeeze(angle_deg: float) -> NDArray[np.float64]:
 
 
 def _search(
-    gray: NDArray[np.uint8], padded: NDArray[np.uint8], pad: int, matrix: NDArray[np.float64], octaves: int, layers: int
+    gray: NDArray[np.uint8],
+    padded: NDArray[np.uint8],
+    pad: int,
+    smallest_px: float,
+    matrix: NDArray[np.float64],
+    octaves: int,
+    layers: int,
 ) -> NDArray[np.float64]:
     """Return (k, 6) x, y, scale, response, sign and quotient of the key points of one copy, in the image's pixels."""
     height, width = gray.shape
@@ -133,7 +144,7 @@ def _search(
     xy = (points[:, :2].astype(np.float64) - shift) @ inverse.T - pad
     scale = own_scale / np.sqrt(np.abs(np.linalg.det(matrix)))
     inside = ((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)
-    rows = np.flatnonzero(inside & (SIDE_OF_SCALE * scale > SMALLEST_PX))
+    rows = np.flatnonzero(inside & (SIDE_OF_SCALE * scale > smallest_px))
     explained = response[rows] / best_response()
     sizes = np.repeat(own_scale[rows, None], 2, axis=1)
     variance = box_variance(copy, points[rows, :2], sizes, np.maximum(explained / LEAST_QUOTIENT, 1e-3))

@@ -55,6 +55,9 @@ DISC_SIDE_OF_SURF = 2.4
 """Side of a DoG marker of a disc's scale, as SIFT's candidates have it, over that which SURF tells of the disc: √2 over
 0.59, measured on drawn discs (`tests/peakmark/identification/test_sift.py`)."""
 
+SMALLEST_SURF_OF_DISC_PX = 6.0
+"""Side that SURF tells of the smallest disc: that of a marker of 14 px, as small as SIFT's are found."""
+
 FAMILIES: Mapping[Made, Family] = {
     # of markers that nothing covers the correlation is above 0.86, of those covered by a third above 0.8; in any light
     # the binary pattern's, the simpler one, is up to 0.08 above that of the other, where the other is printed, under
@@ -83,7 +86,7 @@ FAMILIES: Mapping[Made, Family] = {
 
 def surf_disc_pages(gray: Gray) -> Iterator[MarkerCandidates]:
     """Yield SURF's candidates as those of discs: its filter is widest where a disc is 0.27 of it from side to side."""
-    for page in candidate_pages(gray):
+    for page in candidate_pages(gray, SMALLEST_SURF_OF_DISC_PX):
         yield replace(page, sides_px=page.sides_px * DISC_SIDE_OF_SURF)
 
 

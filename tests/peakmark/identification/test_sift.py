@@ -200,3 +200,13 @@ def test_surf_tells_the_side_of_a_disc_by_its_scale(side: int) -> None:
     middle = np.linalg.norm(page.xy - (len(image) - 1) / 2, axis=1) < side / 20
     best = np.flatnonzero(middle)[np.argmax(page.quotients[middle])]
     assert page.sides_px[best] / np.sqrt(2) == pytest.approx(side, rel=0.12)
+
+
+@pytest.mark.parametrize("side", [16, 20])
+@pytest.mark.parametrize("polarity", ["dark", "light"])
+def test_discs_below_surfs_smallest_filter_are_found_in_the_enlarged_image(side: int, polarity: Polarity) -> None:
+    fine = np.pad(marker_image(8 * side, Variant(polarity, "range", "sift")), 16 * side, constant_values=255)
+    image = cv2.resize(fine, None, fx=1 / 8, fy=1 / 8, interpolation=cv2.INTER_AREA)
+    (found,) = identify(image, detector="surf-disc")
+    assert found.kind == f"sift-range-{polarity}"
+    assert np.linalg.norm(found.xy - (5 * side - 1) / 2) < 0.05
