@@ -39,7 +39,7 @@ COMMANDS = {
     "detectability": f"python scripts/detectability.py {PHASES}",
     "detectability_paper": "python scripts/detectability.py --paper",
     "centers": "python scripts/evaluate_centers.py --views 5 --seed 1",
-    "kinds": "python scripts/compare_kinds.py --place floors --place rooms --frames 40 --seed 1",
+    "kinds": "python scripts/compare_kinds.py --place floors --place rooms --frames 40 --seed 2",
 }
 """Data file → what makes it."""
 
