@@ -45,6 +45,7 @@ SMALLER = {
     "python scripts/render_floor.py": "--frames 2",
     "python scripts/evaluate_flights.py": "--first 1 --frames 2",
     "python scripts/drive_floor.py": "--paths 1 --length 2",
+    "python scripts/compare_kinds.py": "--frames 1",
 }
 """First words of a command → options that make it smaller."""
 

@@ -57,6 +57,7 @@ RUN_SLOWLY = tuple(
         (
             "docs/figures/cave.md",
             "docs/figures/driving.md",
+            "docs/figures/kinds.md",
             "docs/how-to/keep-a-detector-from-getting-worse.md",
             *SLOW_PAGES,
         )
