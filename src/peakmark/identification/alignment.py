@@ -22,7 +22,8 @@ from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, ro
 
 HOPELESS: Mapping[Made, float] = {"surf": 0.05, "sift": 0.02}
 """Noise over gain² of the softened image, beyond its own, above which an alignment is given up: of markers
-that nothing covers it is below 0.01. Round ones are not looked at again in parts."""
+that nothing covers it is below 0.01. Round ones are not looked at again in parts. Set by hand;
+`scripts/compare_kinds.py` and `scripts/evaluate_search.py` tell what it loses."""
 
 RIM = 0.55
 """Half the side, in sides, of what the last fit takes in: paper is white for half a cell around the pattern."""

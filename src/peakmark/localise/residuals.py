@@ -16,7 +16,8 @@ SIGMA_LOG_SIDE = 0.08
 """Assumed relative error of a side that SURF's scale measures; set by hand."""
 
 ALIKE_PX = 0.2
-"""σ of the length by which all sides of an image's dark markers, or all of its light ones, are too long."""
+"""σ of the length by which all sides of an image's dark markers, or all of its light ones, are too long; set by hand,
+see `uncertainty.CENTER_FLOOR_PX`."""
 
 _FAR = 1e3
 """Where a point behind the camera is projected to, in focal lengths: an error too large to prefer."""

@@ -9,7 +9,8 @@ from peakmark.identification.detection import Detection
 from peakmark.localise.residuals import MarkerFits, refined_sigmas
 
 CENTER_FLOOR_PX, SHAPE_FLOOR_PX, PERSPECTIVE_FLOOR = 0.012, 0.01, 0.002
-"""σ of a centre, of a shape, and of a perspective a side that an alignment does not see."""
+"""σ of a centre, of a shape, and of a perspective a side that an alignment does not see; set by hand, as are
+`SHAPE_FACTOR` and `residuals.ALIKE_PX`, on what `scripts/evaluate_poses.py --seed 101` measures."""
 
 SHAPE_FACTOR = 1.2
 """How many times its stated σ a shape is off."""

@@ -56,8 +56,7 @@ def collect_looks(
     config: SearchTrainingConfig, journal: Journal, workers: int = 1, on_step: OnStep = lambda done, of: None
 ) -> Screened:
     """Return what the search aligns in the images without a screen."""
-    names = [f"lit {k}" for k in range(config.images)] + [f"empty {k}" for k in range(config.empty)]
-    records = run_items(journal, names, partial(_record, config), workers, on_step)
+    records = run_items(journal, config.names, partial(_record, config), workers, on_step)
     rows = [(*row, image) for image, record in enumerate(records) for row in record]
     looks = np.array([row[0] for row in rows], dtype=np.float64).reshape(-1, len(SCREEN_COLUMNS))
     label, likely, marker, image = (np.array([row[k] for row in rows]) for k in range(1, 5))

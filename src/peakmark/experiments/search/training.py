@@ -68,6 +68,11 @@ class SearchTrainingConfig:
         check_choice(self.made_for, get_args(Made), "--detector")
 
     @property
+    def names(self) -> list[str]:
+        """Of the images: those with markers come first."""
+        return [f"lit {k}" for k in range(self.images)] + [f"empty {k}" for k in range(self.empty)]
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Of the evidence."""
         return FAMILIES[self.made_for].columns
@@ -95,8 +100,7 @@ def collect_evidence(
     config: SearchTrainingConfig, journal: Journal, workers: int = 1, on_step: OnStep = lambda done, of: None
 ) -> Evidence:
     """Return what the search aligns in the images, with labels."""
-    names = [f"lit {k}" for k in range(config.images)] + [f"empty {k}" for k in range(config.empty)]
-    records = run_items(journal, names, partial(_record, config), workers, on_step)
+    records = run_items(journal, config.names, partial(_record, config), workers, on_step)
     rows = [(row, image) for image, record in enumerate(records) for row in record]
     evidence = np.array([row[0] for row, _ in rows], dtype=np.float64).reshape(-1, len(config.columns))
     labels, images = np.array([row[1] for row, _ in rows], dtype=np.int64), np.array([image for _, image in rows])
