@@ -53,6 +53,7 @@ FLOORS = (
         "peakmark.experiments.journal",
         "peakmark.experiments.option",
     ),
+    ("peakmark.experiments.drawing",),
     ("peakmark.experiments.photographs", "peakmark.experiments.run", "peakmark.experiments.scene_images"),
     ("peakmark.experiments.floor", "peakmark.experiments.detectability"),
     ("peakmark.experiments.robot", "peakmark.experiments.cave"),

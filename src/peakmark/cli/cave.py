@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Annotated, cast
 
-from peaksim.rendering import Renderer
 from typer import Option
 
 from peakmark.cli.command import examples, resumable
-from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples, SensorName
+from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, RoomsSeed, RoomViews, Samples, SensorName, drawn_by
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
 from peakmark.experiments.cave import polarity, training, walk_results
 from peakmark.experiments.cave.dense_wall import compare_walls
@@ -44,8 +43,8 @@ def render_cave(
     Writes frame.png, overlay.png (Figure 13), response_vs_vis.png (Figure 14), polarity.png (Figure 15), report.html
     and result.json; with --frames also frames.csv and walk.mp4.
     """
-    rendered = (scene, cast(Renderer, renderer), seed, frames, samples, sensor, bake)
-    config = CaveConfig(*rendered, rule=cast(CaveRule, rule), marker=cast(Made, marker))
+    drawn = drawn_by(renderer, samples, sensor, bake, seed)
+    config = CaveConfig(scene, frames, rule=cast(CaveRule, rule), marker=cast(Made, marker), **drawn)
     console = new_console(quiet)
     with progress_bar(console, "render, detect, decode, score", frames + 1) as bar:
         result = walk_results.run_cave(config, out, bar.advance)

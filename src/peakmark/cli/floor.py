@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import Annotated, cast
 
-from peaksim.rendering import Renderer
 from rich.console import Console
 from typer import Argument, Option
 
 from peakmark.cli.command import examples, resumable
-from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, Samples, SensorName
+from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, Samples, SensorName, drawn_by
 from peakmark.cli.terminal import FIGURES, FIGURES_WITH_INTERVALS, new_console, print_path, print_table, progress_bar
 from peakmark.errors import InputError
 from peakmark.experiments.floor import flight_report, flight_results, flights_results, still
@@ -73,21 +72,18 @@ def render_floor(
     poses as TUM files, report.html and result.json.
     """
     console = new_console(quiet)
-    drawn_by = cast(Renderer, renderer)
+    drawn = drawn_by(renderer, samples, sensor, bake, seed)
     decided_by = cast(Narrower, rule or ("paper" if trajectory is None else "joint"))
     for name, value, usual in (("preset", preset, FloorConfig.preset), ("marker", marker, FloorConfig.marker)):
         if trajectory is not None and value != usual:
             raise InputError(f"--{name}: expected {usual} with --trajectory, got {value}")
     if trajectory is not None:
-        flight = FlightConfig(
-            trajectory, scene, texture, drawn_by, seed, stretch, decided_by, frames, map, samples, sensor, bake
-        )
+        flight = FlightConfig(trajectory, scene, texture, stretch, decided_by, frames, map, **drawn)
         _fly(console, flight, out, resume)
     else:
         factor, count = 2.0 if stretch is None else stretch, 1 if frames is None else frames
-        seen = (scene or "floor", texture, drawn_by, seed, factor, count)
-        by = (decided_by, cast(still.Preset, preset), cast(Made, marker), samples, sensor, bake)
-        _render(console, FloorConfig(*seen, *by), out)
+        by = (decided_by, cast(still.Preset, preset), cast(Made, marker))
+        _render(console, FloorConfig(scene or "floor", texture, factor, count, *by, **drawn), out)
     print_path(console, out / "report.html")
 
 
@@ -150,10 +146,8 @@ def fly(
     to the frames behind it.
     """
     console = new_console(quiet)
-    drawn_by = cast(Renderer, renderer)
-    config = FlightConfig(
-        trajectory, scene, texture, drawn_by, seed, stretch, "joint", frames, map, samples, sensor, bake
-    )
+    drawn = drawn_by(renderer, samples, sensor, bake, seed)
+    config = FlightConfig(trajectory, scene, texture, stretch, "joint", frames, map, **drawn)
     _fly(console, config, out, resume, record, overlays)
     print_path(console, out / "report.html")
 
@@ -212,21 +206,8 @@ def drive_floor(
     the wheels follow. Writes paths.csv, top_view.png, drive.mp4 (the first path), report.html and result.json.
     """
     console = new_console(quiet)
-    drawn_by = cast(Renderer, renderer)
-    config = DriveConfig(
-        paths,
-        length,
-        spacing,
-        line_ends,
-        scene,
-        texture,
-        drawn_by,
-        seed,
-        frames_per_second=rate,
-        samples=samples,
-        sensor=sensor,
-        bake=bake,
-    )
+    drawn = drawn_by(renderer, samples, sensor, bake, seed)
+    config = DriveConfig(paths, length, spacing, line_ends, scene, texture, frames_per_second=rate, **drawn)
     with resumable(_WITH_RESUME), progress_bar(console, "drive", paths) as bar:
         result = drive_results.run_drives(config, out, resume, bar.show)
     title = f"{scene} · {result.renderer} · seed {seed}"

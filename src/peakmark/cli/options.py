@@ -26,6 +26,11 @@ Workers = Annotated[int | None, Option(help="Processes on this machine. [default
 Dask = Annotated[str | None, Option(help="Dask scheduler to work on, such as tcp://host:8786.")]
 
 
+def drawn_by(renderer: str, samples: int, sensor: str | None, bake: bool, seed: int) -> dict[str, Any]:
+    """Return the fields of `experiments.drawing.Drawing` that these options are, for a configuration's call."""
+    return {"renderer": renderer, "samples": samples, "sensor": sensor, "bake": bake, "seed": seed}
+
+
 def given(**options: Any) -> dict[str, Any]:
     """Return the options that were stated: neither None nor a switch left off."""
     return {name: value for name, value in options.items() if value is not None and value is not False}

@@ -1,13 +1,12 @@
 """`peakmark render`: a scene's images with their truth."""
 
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
-from peaksim.rendering import Renderer
 from typer import Argument, Option
 
 from peakmark.cli.command import examples
-from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, Samples, SensorName
+from peakmark.cli.options import Bake, NoiseSeed, Out, Quiet, Samples, SensorName, drawn_by
 from peakmark.cli.terminal import new_console, print_path, progress_bar
 from peakmark.experiments.scene_images import SceneImagesConfig, write_scene_images
 
@@ -30,7 +29,7 @@ def render(
     calibration), poses.tum and result.json, to be compared with what `peakmark identify --map SCENE` finds.
     """
     console = new_console(quiet)
-    config = SceneImagesConfig(scene, cast(Renderer, renderer), seed, frames, samples, sensor, bake)
+    config = SceneImagesConfig(scene, frames, **drawn_by(renderer, samples, sensor, bake, seed))
     with progress_bar(console, "render", frames) as bar:
         records = write_scene_images(config, out, bar.advance)
     console.print(f"{len(records)} images by {records[0]['renderer']}")

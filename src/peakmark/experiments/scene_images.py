@@ -5,18 +5,18 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import apply_sensor
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import save_trajectory
-from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 from PIL import Image
 
-from peakmark.experiments.option import check_choice, check_range
+from peakmark.experiments.drawing import Drawing
+from peakmark.experiments.option import check_range
 from peakmark.plain import to_plain
 from peakmark.report.results import result_folder, write_json
 
@@ -25,29 +25,17 @@ CAMERA, POSES, TRUTH = "camera.yaml", "poses.tum", "truth.jsonl"
 
 
 @dataclass(frozen=True)
-class SceneImagesConfig:
+class SceneImagesConfig(Drawing):
     """What is rendered."""
 
     scene: str
     """Scene file, or the name of one that ships with the package."""
-    renderer: Renderer = "auto"
-    """"exact", "gl", "pyrender", "traced" or "auto"."""
-    seed: int = 0
-    """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
     frames: int = 1
     """Frames in even steps of the trajectory's time; 1 takes its first pose."""
-    samples: int = 64
-    """Paths a pixel of the traced renderer."""
-    sensor: str | None = None
-    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
-    bake: bool = True
-    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
-        check_range("seed", self.seed, 0)
+        super().__post_init__()
         check_range("frames", self.frames, 1, 100_000)
-        check_choice("renderer", self.renderer, get_args(Renderer))
-        check_range("samples", self.samples, 1)
 
 
 def write_scene_images(
@@ -82,11 +70,9 @@ def _frames(setup: Setup, config: SceneImagesConfig) -> Iterator[Frame]:
     for index, time_s in enumerate(np.linspace(times[0], times[-1], config.frames)):
         moving = setup.trajectory if setup.camera.exposure_s or setup.camera.row_time_s else None
         pose = setup.trajectory.at(float(time_s)) if moving is None else moving
-        seed = (config.seed, index)
-        frame = render(
-            setup.scene, setup.camera, pose, config.renderer, float(time_s), config.samples, seed, bake=config.bake
-        )
-        yield apply_sensor(frame, setup.sensor, np.random.default_rng(seed))
+        seeds = (config.seed, index)
+        frame = config.frame(setup.scene, setup.camera, pose, float(time_s), seeds)
+        yield apply_sensor(frame, setup.sensor, np.random.default_rng(seeds))
 
 
 def _record(name: str, frame: Frame) -> dict[str, Any]:

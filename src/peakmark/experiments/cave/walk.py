@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import apply_sensor
-from peaksim.rendering import Renderer, render
+from peaksim.rendering import Renderer
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.scene import Scene
 
@@ -39,7 +39,7 @@ class CaveConfig(SceneImagesConfig):
     version-independent signature, then upright clusters."""
     marker: Made = field(default="surf", kw_only=True)
     """Markers on the walls, and the detector that finds them."""
-    renderer: Renderer = "exact"
+    renderer: Renderer = field(default="exact", kw_only=True)
     """"exact" is several times faster than OpenGL without a GPU here; "gl", "pyrender", "traced" or "auto"."""
 
     def __post_init__(self) -> None:
@@ -226,7 +226,7 @@ def render_view(setup: Setup, config: CaveConfig, index: int, time_s: float) -> 
     """Render, read and score one frame."""
     start = perf_counter()
     seeds, path = (config.seed, index), setup.trajectory
-    frame = render(setup.scene, setup.camera, path, config.renderer, time_s, config.samples, seeds, bake=config.bake)
+    frame = config.frame(setup.scene, setup.camera, path, time_s, seeds)
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng(seeds))
     return score_view(index, frame, setup.scene, perf_counter() - start, config.rule, config.marker)
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from peaksim.camera.frame import Frame
 from peaksim.camera.presets import sensor_named
 from peaksim.camera.sensor import apply_sensor
-from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.ride import Ride
 from peaksim.scene.ride_file import load_ride, shortened
 from peaksim.scene.scene import Scene
 
+from peakmark.experiments.drawing import Drawing
 from peakmark.experiments.floor.view import FloorView, faster_renderer, score_view
 from peakmark.experiments.option import check_choice, check_range
 from peakmark.identification.api import STRONGEST, Narrower
@@ -27,7 +27,7 @@ from peakmark.localise.locate import FloorMap
 
 
 @dataclass(frozen=True)
-class FlightConfig:
+class FlightConfig(Drawing):
     """What to fly through and how to find markers."""
 
     trajectory: str = "stroll"
@@ -36,10 +36,6 @@ class FlightConfig:
     """Scene file or name; None takes the one that the ride names."""
     texture: str | None = None
     """Variant of the texture named "floor"; None takes the first."""
-    renderer: Renderer = "auto"
-    """"gl", "exact", "traced" or "auto": exact without furniture, which needs GL."""
-    seed: int = 0
-    """Of bumps and noise."""
     stretch: float | None = None
     """Vertical stretch before detection; None gives each row the one that the camera's pitch implies, where that is
     known, else 2."""
@@ -49,19 +45,11 @@ class FlightConfig:
     """Only so many frames from the start; None takes all."""
     map: str | None = None
     """Scene file or name whose markers are the map; None takes the scene that is flown through."""
-    samples: int = 64
-    """Paths a pixel of the traced renderer."""
-    sensor: str | None = None
-    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
-    bake: bool = True
-    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
-        check_range("seed", self.seed, 0)
+        super().__post_init__()
         check_range("frames", self.frames, 1, 1_000_000)
         check_range("stretch", self.stretch, SMALLEST, LARGEST)
-        check_choice("renderer", self.renderer, get_args(Renderer))
-        check_range("samples", self.samples, 1)
         check_choice("rule", self.rule, get_args(Narrower))
 
 
@@ -131,5 +119,5 @@ def render_frame(flight: Flight, index: int) -> Frame:
     time_s, scene = float(flight.times_s[index]), flight.setup.scene
     renderer = faster_renderer(flight.config.renderer, scene)
     config, ride, seeds = flight.config, flight.ride, (flight.config.seed, index)
-    frame = render(scene, ride.camera, ride.trajectory, renderer, time_s, config.samples, seeds, bake=config.bake)
+    frame = config.frame(scene, ride.camera, ride.trajectory, time_s, seeds, renderer)
     return apply_sensor(frame, ride.sensor_at(time_s), np.random.default_rng(seeds))

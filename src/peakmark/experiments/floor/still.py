@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import MarkerTruth, error_budget
 from peaksim.camera.sensor import apply_sensor
-from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, load_scene
 from PIL import Image
 
 from peakmark import surf
 from peakmark.errors import InputError
+from peakmark.experiments.drawing import Drawing
 from peakmark.experiments.floor.flight import map_of
 from peakmark.experiments.floor.still_markers import DISTANCE_NOTE, marker_table
 from peakmark.experiments.floor.view import FloorView, ViewRow, score_view
@@ -42,17 +42,13 @@ PRESETS = {"opencv": surf.OPENCV, "paper": surf.PAPER}
 
 
 @dataclass(frozen=True)
-class FloorConfig:
+class FloorConfig(Drawing):
     """What to render and how to find markers."""
 
     scene: str = "floor"
     """Scene file, or the name of one that ships with the package."""
     texture: str | None = None
     """Variant of the texture named "floor"; None takes the first."""
-    renderer: Renderer = "auto"
-    """"gl", "exact", "traced" or "auto"."""
-    seed: int = 0
-    """Of the sensor's noise; a frame's stream derives from (seed, frame index)."""
     stretch: float = 2.0
     """Vertical stretch before detection."""
     frames: int = 1
@@ -63,19 +59,11 @@ class FloorConfig:
     """Of SURF: "opencv", 4 octaves × 3 layers, or "paper", 4 × 2."""
     marker: Made = "surf"
     """Markers on the floor, and the detector that finds them: "surf", or "sift" by the paper's rule."""
-    samples: int = 64
-    """Paths a pixel of the traced renderer."""
-    sensor: str | None = None
-    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
-    bake: bool = True
-    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
-        check_range("seed", self.seed, 0)
+        super().__post_init__()
         check_range("frames", self.frames, 1, 1_000_000)
         check_range("stretch", self.stretch, SMALLEST, LARGEST)
-        check_choice("renderer", self.renderer, get_args(Renderer))
-        check_range("samples", self.samples, 1)
         check_choice("rule", self.rule, get_args(Narrower))
         check_choice("preset", self.preset, get_args(Preset))
         check_choice("marker", self.marker, get_args(Made))
@@ -100,17 +88,9 @@ def render_views(setup: Setup, config: FloorConfig) -> Iterator[FloorView]:
 def render_view(setup: Setup, config: FloorConfig, index: int, time_s: float) -> FloorView:
     """Render, detect, identify and score one frame."""
     start = perf_counter()
-    frame = render(
-        setup.scene,
-        setup.camera,
-        setup.trajectory,
-        config.renderer,
-        time_s,
-        config.samples,
-        (config.seed, index),
-        bake=config.bake,
-    )
-    frame = apply_sensor(frame, setup.sensor, np.random.default_rng((config.seed, index)))
+    seeds = (config.seed, index)
+    frame = config.frame(setup.scene, setup.camera, setup.trajectory, time_s, seeds)
+    frame = apply_sensor(frame, setup.sensor, np.random.default_rng(seeds))
     is_refined = config.rule != "paper"  # the paper knows no refinement
     taken_s, preset = perf_counter() - start, PRESETS[config.preset]
     return score_view(index, frame, taken_s, config.stretch, config.rule, None, is_refined, config.marker, **preset)

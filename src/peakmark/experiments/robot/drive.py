@@ -8,23 +8,22 @@ The controller knows the camera's height and pitch, its own wheels' distance, an
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import apply_sensor
 from peaksim.geometry.floor_path import FloorPath
-from peaksim.rendering import Renderer, render
 from peaksim.scene.file import Setup, build_setup, read_table
 from peaksim.scene.ride import Mount, smooth_noise
 from peaksim.scene.schema import RoomTable, SceneTable, WaypointTable
 
 from peakmark.errors import InputError
+from peakmark.experiments.drawing import Drawing
 from peakmark.experiments.floor.flight import score_flight_view
 from peakmark.experiments.floor.flight_records import FrameRecord, record_of
 from peakmark.experiments.floor.view import FloorView, faster_renderer
-from peakmark.experiments.option import check_choice, check_range
+from peakmark.experiments.option import check_range
 from peakmark.experiments.robot.robot import (
     NOISE_S,
     STOP,
@@ -65,7 +64,7 @@ _APART_M = 1.5
 
 
 @dataclass(frozen=True)
-class DriveConfig:
+class DriveConfig(Drawing):
     """How many paths, of what kind, and who drives."""
 
     paths: int = 20
@@ -80,10 +79,6 @@ class DriveConfig:
     """Scene file or name whose floor, sensor and kind of marker are used."""
     texture: str | None = None
     """Variant of the texture named "floor"; None takes the first."""
-    renderer: Renderer = "auto"
-    """"gl", "exact", "traced" or "auto": exact without furniture."""
-    seed: int = 0
-    """Of paths, wheels and sensor."""
     frames_per_second: float = 5.0
     """Images that the robot takes."""
     camera: Camera = field(default_factory=lambda: Camera(640, 480, 420.0, 420.0, 319.5, 239.5))
@@ -94,22 +89,14 @@ class DriveConfig:
     """Wheels and latency."""
     steering: Steering = field(default_factory=Steering)
     """How it follows the markers."""
-    samples: int = 64
-    """Paths a pixel of the traced renderer."""
-    sensor: str | None = None
-    """Camera by name, see `peaksim.camera.presets`; None takes the scene's own sensor."""
-    bake: bool = True
-    """Whether "exact" and "gl" show the light of lamps and sky, baked once a scene."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_range("paths", self.paths, 1, 10_000)
         check_range("length", self.length_m, 1, 100, " m")
         check_range("spacing", self.spacing_m, 0.15, 0.8 * self.length_m, " m")
         check_range("line-ends", self.line_ends_m, FIRST_M + self.spacing_m, self.length_m, " m")
-        check_range("seed", self.seed, 0)
         check_range("rate", self.frames_per_second, 1, 50, " frames a second")
-        check_choice("renderer", self.renderer, get_args(Renderer))
-        check_range("samples", self.samples, 1)
 
 
 @dataclass(frozen=True)
@@ -226,7 +213,7 @@ def render_view(config: DriveConfig, drive_path: DrivePath, state: State, index:
     scene, time_s = drive_path.setup.scene, index / config.frames_per_second
     pose = robot_camera_pose(config.robot, state, config.mount)
     renderer, seeds = faster_renderer(config.renderer, scene), (config.seed, drive_path.number, index)
-    frame = render(scene, config.camera, pose, renderer, time_s, config.samples, seeds, bake=config.bake)
+    frame = config.frame(scene, config.camera, pose, time_s, seeds, renderer)
     frame = apply_sensor(
         frame, drive_path.setup.sensor, np.random.default_rng((config.seed, drive_path.number, 2, index))
     )
