@@ -41,7 +41,8 @@ def render_cave(
     """Redo the paper's SIFT/SURF CAVE: render a room of posters, read its 3-bit marker arrays, score against truth.
 
     Writes frame.png, overlay.png (Figure 13), response_vs_vis.png (Figure 14), polarity.png (Figure 15), report.html
-    and result.json; with --frames also frames.csv and walk.mp4.
+    and result.json; with --frames also frames.csv, walk.mp4, the camera's poses (truth.tum, arrays.tum) and, with the
+    extra view, trajectory.html: both in space.
     """
     drawn = drawn_by(renderer, samples, sensor, bake, seed)
     config = CaveConfig(scene, frames, rule=cast(CaveRule, rule), marker=cast(Made, marker), **drawn)

@@ -52,6 +52,11 @@ def has_trajectory_view() -> bool:
     return find_spec("plotly") is not None
 
 
+def positions_of(poses: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+    """Return the (n, 3) positions of (4, 4) poses, nan where one is not known."""
+    return np.array([[np.nan] * 3 if pose is None else pose[:3, 3] for pose in poses]).reshape(-1, 3)
+
+
 @needs_extra
 def write_trajectory_view(
     path: Path, title: str, lead: str, lines: Sequence[Line], markers_m: NDArray[np.float64], links: Sequence[str] = ()

@@ -18,16 +18,19 @@ from peakmark.experiments.cave.walk import (
     CaveFrame,
     CaveView,
     Counts,
+    array_map,
     open_cave,
     render_walk,
     total,
 )
+from peakmark.experiments.cave.walk_poses import WalkStep, step_of, write_walk_poses
 from peakmark.plain import INLINED
 from peakmark.report import plots
 from peakmark.report.overlay import box_around, draw_arrays
 from peakmark.report.page import Section, Table, write_report
 from peakmark.report.results import peak_memory_mb, result_folder, write_json, write_rows
 from peakmark.report.views import write_views
+from peakmark.score.arrays import printed_arrays
 from peakmark.score.markers import MarkerScore, at_markers
 
 _MOST_CUT_OUTS = 8
@@ -77,17 +80,21 @@ def run_cave(config: CaveConfig, out: str | Path, on_step: Callable[[], None] = 
         load_s = perf_counter() - start
         on_step()
         records: list[CaveFrame] = []
+        steps: list[WalkStep] = []
 
         def keep(view: CaveView) -> None:
             records.append(view.record())
+            steps.append(step_of(view))
             on_step()
 
         film = "walk.mp4" if config.frames > 1 else None
         first, figures = write_views(folder, render_walk(setup, config), draw_view, figures_of, film, keep)
         result = summarise_frames(records, config, load_s)
+        files: list[str] = []
         if config.frames > 1:
             write_rows(folder / "frames.csv", records)
-        _write_report(folder, first, result, figures)
+            files = ["walk.mp4", "frames.csv", *write_walk_poses(folder, steps, array_map(printed_arrays(setup.scene)))]
+        _write_report(folder, first, result, figures, files)
         write_json(folder / "result.json", result)
     return result
 
@@ -167,7 +174,9 @@ def _cut_out(array: MarkerArray, size: tuple[int, int]) -> tuple[str, tuple[int,
     return title, box_around(np.array([d.xy for d in array.detections]), margin_px, size)
 
 
-def _write_report(folder: Path, first: CaveView, result: CaveResult, figures: dict[str, str]) -> None:
+def _write_report(
+    folder: Path, first: CaveView, result: CaveResult, figures: dict[str, str], files: Sequence[str]
+) -> None:
     counts, config = result.counts, result.config
     lead = (
         f"{counts.arrays_decoded} of {counts.arrays_in_view} arrays in view decoded, {counts.wrong_codes} "
@@ -191,8 +200,8 @@ def _write_report(folder: Path, first: CaveView, result: CaveResult, figures: di
         ),
         Section("Markers", table=marker_table(first)),
     ]
-    if config.frames > 1:
-        sections.append(Section("Film and table", links=("walk.mp4", "frames.csv")))
+    if files:
+        sections.append(Section("Film, table and poses", links=files))
     write_report(folder / "report.html", "SIFT/SURF CAVE: arrays read and scored", lead, sections)
 
 

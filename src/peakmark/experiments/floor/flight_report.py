@@ -12,7 +12,7 @@ from peakmark.experiments.floor.flight_figures import DetectionFigures, FlightRe
 from peakmark.experiments.floor.flight_tracking import DISTANCES, Flown, FlownFrame
 from peakmark.report import plots
 from peakmark.report.page import Section, Table, svg_uri, write_report
-from peakmark.report.trajectory_view import Line, write_trajectory_view
+from peakmark.report.trajectory_view import Line, positions_of, write_trajectory_view
 from peakmark.report.views import curve_section
 from peakmark.score.poses import TrajectoryErrors
 from peakmark.score.statistics import Bin, Quantiles
@@ -90,7 +90,7 @@ def write_trajectory_page(path: Path, flown: Flown, drawings: Sequence[str] = ()
     titles = {"truth": "truth", "map": "with the map", "motion": "without a map"}
     errors = {"map": [f.map_error for f in flown.frames], "motion": [f.motion_error for f in flown.frames]}
     lines = [
-        Line(titles[name], _positions(poses), _labels(flown, errors.get(name, [None] * len(poses))))
+        Line(titles[name], positions_of(poses), _labels(flown, errors.get(name, [None] * len(poses))))
         for name, poses in flown.trajectories.items()
         if any(pose is not None for pose in poses)
     ]
@@ -99,10 +99,6 @@ def write_trajectory_page(path: Path, flown: Flown, drawings: Sequence[str] = ()
     seen = [f.located.marker_of[f.located.marker_of >= 0] for f in flown.frames if f.located is not None]
     markers_m = flown.floor_map.centers_m[np.unique(np.concatenate([np.zeros(0, np.intp), *seen]))]
     write_trajectory_view(path, "The camera's trajectory", lead, lines, markers_m, drawings)
-
-
-def _positions(poses: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
-    return np.array([[np.nan] * 3 if pose is None else pose[:3, 3] for pose in poses])
 
 
 def _labels(flown: Flown, errors: Sequence[tuple[float, float] | None]) -> list[str]:

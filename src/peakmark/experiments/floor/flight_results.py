@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 from peaksim.extras import needs_extra
-from peaksim.geometry.trajectory import Trajectory
-from peaksim.geometry.trajectory_file import save_trajectory
 from peaksim.image_file import read_image
 from peaksim.whole_file import whole_file
 from PIL import Image
@@ -28,6 +26,7 @@ from peakmark.recording.recorder import check_recording
 from peakmark.report import plots
 from peakmark.report.film import WIDTH_PX, film
 from peakmark.report.results import result_folder, write_json, write_rows
+from peakmark.report.trajectory_file import write_known_poses
 from peakmark.report.trajectory_view import has_trajectory_view
 
 FRAMES = "frames"
@@ -226,7 +225,4 @@ def _number(value: float) -> float | None:
 def _write_poses(folder: Path, flown: Flown) -> None:
     """Write truth.tum, and map.tum and motion.tum where any frame has such a pose."""
     for name, poses in flown.trajectories.items():
-        rows = [k for k, pose in enumerate(poses) if pose is not None]
-        if rows:
-            trajectory = Trajectory(flown.times_s[rows], np.stack([np.asarray(poses[k]) for k in rows]))
-            save_trajectory(trajectory, folder / f"{name}.tum")
+        write_known_poses(folder / f"{name}.tum", flown.times_s, poses)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from peaksim.geometry.pose import look_at
 from peaksim.geometry.trajectory import Trajectory
+from peaksim.geometry.trajectory_file import load_trajectory
 from peaksim.image_file import read_image
 from peaksim.rendering import render
 from peaksim.scene.file import Setup, load_scene
@@ -23,6 +24,7 @@ from peakmark.experiments.cave.finding import CaveRule
 from peakmark.experiments.cave.walk import CaveConfig, array_map, open_cave, render_view, render_walk
 from peakmark.experiments.cave.walk_results import polarity_figure, response_figure, run_cave
 from peakmark.plain import to_plain
+from peakmark.report.trajectory_view import has_trajectory_view
 from peakmark.score.arrays import printed_arrays
 from tests.peakmark.experiments.cave.cave_scene import SMALL_CAVE
 from tests.places import ROOT
@@ -127,6 +129,12 @@ def test_a_walk_scores_every_frame_and_makes_a_film(small: Path, tmp_path: Path)
     assert result["arrays_decoded"] == sum(int(row["arrays_decoded"]) for row in rows) == 6
     assert result["pose_mm"] == pytest.approx(np.median([float(row["pose_mm"]) for row in rows]))
     assert (tmp_path / "o" / "walk.mp4").stat().st_size > 1000
+    truth, found = (load_trajectory(tmp_path / "o" / f"{name}.tum") for name in ("truth", "arrays"))
+    assert np.array_equal(truth.times_s, found.times_s)
+    off_mm = 1e3 * np.linalg.norm((found.world_from_camera - truth.world_from_camera)[:, :3, 3], axis=1)
+    assert off_mm == pytest.approx([float(row["pose_mm"]) for row in rows])
+    assert (tmp_path / "o" / "trajectory.html").exists() == has_trajectory_view()
+    assert "arrays.tum" in (tmp_path / "o" / "report.html").read_text()
 
 
 def test_a_frame_depends_on_seed_and_index_alone(small: Path) -> None:
