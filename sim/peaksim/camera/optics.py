@@ -4,8 +4,8 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 Levels = NDArray[np.float32]
 
@@ -16,7 +16,7 @@ LUMA = (0.299, 0.587, 0.114)
 def gaussian_blur(levels: Levels, sigma_px: float) -> Levels:
     """Return the levels blurred by a Gaussian that is cut at 4 σ; the image is mirrored at its border."""
     for axis in (0, 1):
-        levels = gaussian_filter1d(levels, sigma_px, axis=axis, mode="mirror", truncate=4.0)
+        levels = scipy.ndimage.gaussian_filter1d(levels, sigma_px, axis=axis, mode="mirror", truncate=4.0)
     return levels
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from peaksim.errors import SceneError
 
@@ -53,7 +53,7 @@ def coded(levels: ArrayLike, tone: str | Points) -> NDArray[np.float32]:
         return np.where(linear <= np.float32(0.0031308), np.float32(12.92) * linear, power)
     x, y = np.array(_MEASURED if isinstance(tone, str) else tone).T
     # a table over the root of the level, linear between its entries
-    table = PchipInterpolator(x, y)(np.linspace(0, 1, _ENTRIES + 2) ** 2).astype(np.float32)
+    table = scipy.interpolate.PchipInterpolator(x, y)(np.linspace(0, 1, _ENTRIES + 2) ** 2).astype(np.float32)
     at = np.sqrt(linear) * np.float32(_ENTRIES + 1)
     first = np.minimum(at.astype(np.int32), _ENTRIES)
     before = table[first]

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from peaksim.camera.calibration_file import colmap_line, joined
 from peaksim.corpus.layout import image_name
@@ -63,7 +63,7 @@ def _image_lines(spec: CorpusSpec, record: Record, camera: int, points: Points, 
     """Return an image's two lines, and add its visible points to their tracks; new points count from `first_point`."""
     number = record["frame"] + 1
     pose = invert(np.array(record["world_from_camera"]))
-    x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
+    x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
     seen: list[str] = []
     for marker in record["markers"]:
         for i, state in enumerate(marker["points_seen"]):

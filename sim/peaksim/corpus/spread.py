@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
+import scipy
 from pydantic import AfterValidator, Field, model_validator
 
 from peaksim.scene.schema import NotNegative, Number, StrictTable
@@ -107,9 +108,7 @@ def _check_weights(weights: tuple[float, ...], count: int) -> None:
 
 
 def _truncated_normal(share: float, mean: float, sigma: float, low: float, high: float) -> float:
-    from scipy.stats import truncnorm
-
-    value = truncnorm.ppf(share, (low - mean) / sigma, (high - mean) / sigma, mean, sigma)
+    value = scipy.stats.truncnorm.ppf(share, (low - mean) / sigma, (high - mean) / sigma, mean, sigma)
     return float(np.clip(value, low, high))
 
 

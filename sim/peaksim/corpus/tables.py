@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from peaksim.camera.sensor import Sensor
 from peaksim.corpus.layout import image_name, shard_name
@@ -69,7 +69,7 @@ MARKER_COLUMNS = {
 def frame_row(spec: CorpusSpec, record: Record) -> Row:
     """Return a frame's row."""
     pose, camera = np.array(record["world_from_camera"]), record["camera"]
-    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
+    quaternion = scipy.spatial.transform.Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
     lights = {light["kind"]: light.get("intensity") for light in record["lights"]}
     return {
         **{name: record[name] for name in ("frame", "sequence", "scene", "view", "time_s", "renderer", "gl_renderer")},

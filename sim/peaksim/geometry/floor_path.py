@@ -5,9 +5,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial import cKDTree
 
 _STEPS = 10_000
 """Points of the table of arc lengths: 1.4 mm apart on the longest path that ships (14 m)."""
@@ -24,7 +23,7 @@ class FloorPath:
     def _curve(self) -> Any:
         points = np.asarray(self.waypoints_m, dtype=np.float64)
         chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        return CubicSpline(chord, points)
+        return scipy.interpolate.CubicSpline(chord, points)
 
     @cached_property
     def _table(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -54,7 +53,7 @@ class FloorPath:
         """Return the (n,) arc lengths of the path nearest to (n, 2) points, and how far left of it they are, m."""
         points = np.asarray(xy_m, dtype=np.float64).reshape(-1, 2)
         _, arc, samples = self._table
-        at = arc[cKDTree(samples).query(points)[1]]
+        at = arc[scipy.spatial.cKDTree(samples).query(points)[1]]
         directions = self._directions(self._parameter(at)[2])
         off = points - self.at(at)
         at = at + np.where((at > 0) & (at < self.length_m), 0.0, (off * directions).sum(axis=1))

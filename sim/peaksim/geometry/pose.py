@@ -4,8 +4,8 @@ World: right-handed, metres, z up. Camera: x right, y down, z forward (OpenCV).
 """
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from peaksim.errors import SceneError, check_choice
 
@@ -105,7 +105,7 @@ def rotation_about(axis: str, angle_deg: float) -> NDArray[np.float64]:
 def pose_distance(a: Pose, b: Pose) -> tuple[float, float]:
     """Return how far pose `b` is from pose `a`: the distance of their origins, metres, and their angle, degrees."""
     b_in_a = invert(a) @ rigid(b)
-    angle_deg = np.degrees(Rotation.from_matrix(b_in_a[:3, :3]).magnitude())
+    angle_deg = np.degrees(scipy.spatial.transform.Rotation.from_matrix(b_in_a[:3, :3]).magnitude())
     return float(np.linalg.norm(b_in_a[:3, 3])), float(angle_deg)
 
 
@@ -113,10 +113,10 @@ def interpolate(start: Pose, end: Pose, fraction: ArrayLike) -> NDArray[np.float
     """Return the (..., 4, 4) poses at fractions (...), 0…1: slerp in rotation, linear in position."""
     start, end = rigid(start, "start"), rigid(end, "end")
     shares = np.asarray(fraction, dtype=np.float64)[..., None]
-    relative = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
-    rotations = Rotation.from_rotvec((shares * relative).reshape(-1, 3)).as_matrix().reshape(*shares.shape[:-1], 3, 3)
+    relative = scipy.spatial.transform.Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
+    turned = scipy.spatial.transform.Rotation.from_rotvec((shares * relative).reshape(-1, 3)).as_matrix()
     poses = np.zeros((*shares.shape[:-1], 4, 4))
-    poses[..., :3, :3] = start[:3, :3] @ rotations
+    poses[..., :3, :3] = start[:3, :3] @ turned.reshape(*shares.shape[:-1], 3, 3)
     poses[..., :3, 3] = (1 - shares) * start[:3, 3] + shares * end[:3, 3]
     poses[..., 3, 3] = 1
     return poses

@@ -5,9 +5,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, interpolate, rigid
@@ -84,8 +83,11 @@ class Trajectory:
 
     @cached_property
     def _splines(self) -> tuple[Any, Any]:
-        rotations = Rotation.from_matrix(self.world_from_camera[:, :3, :3])
-        return CubicSpline(self.times_s, self.world_from_camera[:, :3, 3]), RotationSpline(self.times_s, rotations)
+        rotations = scipy.spatial.transform.Rotation.from_matrix(self.world_from_camera[:, :3, :3])
+        return (
+            scipy.interpolate.CubicSpline(self.times_s, self.world_from_camera[:, :3, 3]),
+            scipy.spatial.transform.RotationSpline(self.times_s, rotations),
+        )
 
 
 def _fault(times: NDArray[np.float64]) -> str:
@@ -108,11 +110,12 @@ def from_quaternions(times_s: ArrayLike, positions_m: ArrayLike, quaternions_xyz
     wrong = np.flatnonzero(~(np.abs(lengths - 1) <= _UNIT_TOLERANCE))
     if len(wrong):
         raise SceneError(f"pose {wrong[0]}: expected a unit quaternion, got one of length {lengths[wrong[0]]:.6g}")
-    rotations = Rotation.from_quat(quaternions).as_matrix()
+    rotations = scipy.spatial.transform.Rotation.from_quat(quaternions).as_matrix()
     positions = np.asarray(positions_m, dtype=np.float64).reshape(-1, 3)
     return Trajectory(np.asarray(times_s), np.stack([compose(r, p) for r, p in zip(rotations, positions, strict=True)]))
 
 
 def quaternions_xyzw(trajectory: Trajectory) -> NDArray[np.float64]:
     """Return (n, 4) unit quaternions (x, y, z, w) with w ≥ 0."""
-    return np.asarray(Rotation.from_matrix(trajectory.world_from_camera[:, :3, :3]).as_quat(canonical=True))
+    rotations = scipy.spatial.transform.Rotation.from_matrix(trajectory.world_from_camera[:, :3, :3])
+    return np.asarray(rotations.as_quat(canonical=True))

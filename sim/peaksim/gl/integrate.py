@@ -8,10 +8,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from peaksim.area.bands import BAND_ROWS, Levels, PackedScene, draw_pieces, draw_split, pack_scene, run_in_threads
 from peaksim.area.cells import (
@@ -80,8 +78,8 @@ def touching_groups(scene: Scene) -> NDArray[np.int64]:
     groups = np.full(len(corners) + sum(len(mesh.faces) for mesh in scene.meshes), -1)
     if len(corners):
         pairs = np.concatenate([_touching_pairs(corners), _neighbours(scene.quads)])
-        links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(corners), len(corners)))
-        _, labels = connected_components(links)
+        links = scipy.sparse.coo_array((np.ones(len(pairs)), pairs.T), shape=(len(corners), len(corners)))
+        _, labels = scipy.sparse.csgraph.connected_components(links)
         groups[: len(corners)] = np.where(np.bincount(labels)[labels] > 1, labels, -1)
     return groups
 
@@ -101,7 +99,7 @@ def _touching_pairs(corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
     """
     middles = corners_m.mean(axis=1)
     radii = np.linalg.norm(corners_m[:, 0] - middles, axis=1)
-    near = cKDTree(middles).query_ball_point(middles, 2 * radii + 2 * TOUCH_M)
+    near = scipy.spatial.cKDTree(middles).query_ball_point(middles, 2 * radii + 2 * TOUCH_M)
     first = np.repeat(np.arange(len(corners_m)), [len(found) for found in near])
     second = np.concatenate([np.asarray(found, dtype=np.intp) for found in near])
     first, second = first[radii[second] <= radii[first]], second[radii[second] <= radii[first]]

@@ -9,8 +9,8 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 Points = NDArray[np.float64]
 Cell = tuple[int, int]
@@ -122,7 +122,7 @@ def corners(markers: MarkerShapes, pitch: float) -> list[Lattice]:
 def neighbours(markers: MarkerShapes, pitch: float) -> list[list[int]]:
     """Return for each marker the nearest ones of like size that a step of the lattice may reach."""
     count = min(_NEIGHBOURS + 1, len(markers.xy))
-    gaps, nearest = cKDTree(markers.xy).query(markers.xy, count)
+    gaps, nearest = scipy.spatial.cKDTree(markers.xy).query(markers.xy, count)
     longest = pitch * markers.limits.area * np.sqrt(markers.limits.anisotropy)
     longest = longest * np.linalg.norm(markers.shapes, ord=2, axis=(1, 2))
     sizes = markers.sizes

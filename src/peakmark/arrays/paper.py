@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from peakmark.identification.detection import Detection
 
@@ -19,7 +19,7 @@ def decode_upright(found: Sequence[Detection]) -> list[tuple[int, int, int]]:
     if len(found) < 3:
         return []
     xy = np.array([d.xy for d in found])
-    _, nearest = cKDTree(xy).query(xy, 3)
+    _, nearest = scipy.spatial.cKDTree(xy).query(xy, 3)
     clusters = {tuple(sorted(map(int, row))) for row in nearest if _is_corner(xy[row])}
     return [_upright_order(xy, cluster) for cluster in sorted(clusters)]
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, compose, invert
-from scipy.optimize import least_squares
 
 from peakmark.calibration.lens import Lens, Values, lens_named
 from peakmark.calibration.views import BoardView
@@ -200,7 +200,9 @@ def _refined(views: Sequence[BoardView], start: _Fit, lens: Lens) -> _Fit:
         return rows
 
     x = np.concatenate([start.values, start.poses.ravel()])
-    fit = least_squares(errors, x, slopes, x_scale=scale, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200)
+    fit = scipy.optimize.least_squares(
+        errors, x, slopes, x_scale=scale, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200
+    )
     values, poses = unpacked(fit.x)
     return _Fit(values, poses, fit.jac, fit.fun)
 

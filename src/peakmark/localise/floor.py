@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, compose, rigid
-from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, ray_slopes, solid_angles, unit_rays
 
@@ -85,7 +85,9 @@ def floor_from_shapes(camera: Camera, xy: ArrayLike, affinity: ArrayLike, side_m
     starts = _floors_of_each(rays, bases, angles, side_m)
     costs = [np.log1p((_shape_errors(start, rays, bases, shapes, side_m) / _LOSS_SCALE) ** 2).sum() for start in starts]
     best = starts[int(np.argmin(np.array(costs) + [1e-6 * start[1] for start in starts]))]
-    fit = least_squares(_shape_errors, best, args=(rays, bases, shapes, side_m), loss="cauchy", f_scale=_LOSS_SCALE)
+    fit = scipy.optimize.least_squares(
+        _shape_errors, best, args=(rays, bases, shapes, side_m), loss="cauchy", f_scale=_LOSS_SCALE
+    )
     height = float(np.linalg.norm(fit.x))
     return Floor(fit.x / height, height)
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from peakmark.localise.distance import Values
 
@@ -42,7 +42,7 @@ def arrangements(
     if len(rotations) == 0:
         return []
     placed = rotated(seen_m[None], rotations[:, None]) + shifts[:, None]
-    gaps, nearest = cKDTree(map_m).query(placed)
+    gaps, nearest = scipy.spatial.cKDTree(map_m).query(placed)
     gaps = gaps / tolerance_m
     fits = gaps < 1
     score = np.where(fits, 1 - gaps**2 / 2, 0).sum(axis=1)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, compose, invert, transform
-from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values, unit_rays
 from peakmark.localise.floor import floor_from_shapes, floor_of_pose, on_floor
@@ -150,7 +150,9 @@ def _solve(
         values = errors(x + np.concatenate([np.zeros((1, len(x))), STEP * np.eye(len(x))]))
         return np.asarray((values[1:] - values[0]).T / STEP)
 
-    fit = least_squares(lambda x: errors(x[None])[0], np.zeros(6 + count), slopes, xtol=1e-7, ftol=1e-7, gtol=1e-7)
+    fit = scipy.optimize.least_squares(
+        lambda x: errors(x[None])[0], np.zeros(6 + count), slopes, xtol=1e-7, ftol=1e-7, gtol=1e-7
+    )
     positions = prior.positions_m + fit.x[6:].reshape(-1, 2)
     information = _marginal(fit.jac.T @ fit.jac, np.arange(6 + count) >= 6)
     off = np.linalg.norm(fit.fun[: 2 * len(rows)].reshape(-1, 2), axis=1)

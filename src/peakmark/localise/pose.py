@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, compose, invert, pose_distance, rigid, transform
-from scipy.optimize import least_squares
 
 from peakmark.localise.distance import Values
 from peakmark.localise.residuals import Correspondences, Residuals, pixels_per_slope, projected
@@ -87,7 +87,7 @@ def refine_pose(camera: Camera, world_from_camera: Pose, seen: Correspondences) 
         values = residuals.at(np.stack([moved(world_from_camera, step + small) for small in steps]))
         return np.asarray((values[1:] - values[0]).T / STEP)
 
-    fit = least_squares(errors, np.zeros(6), slopes, method="lm", xtol=1e-7, ftol=1e-7, gtol=1e-7)
+    fit = scipy.optimize.least_squares(errors, np.zeros(6), slopes, method="lm", xtol=1e-7, ftol=1e-7, gtol=1e-7)
     return fit_at(camera, moved(world_from_camera, fit.x), seen)
 
 

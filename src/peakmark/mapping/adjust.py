@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, invert, transform
-from scipy.spatial.transform import Rotation
 
 from peakmark.errors import InputError
 from peakmark.mapping.sightings import Sighting, cell_points_m
@@ -222,7 +222,7 @@ def _huber_cost(residual: Values) -> float:
 def _moved(poses: Values, steps: Values) -> Values:
     """Return (n, 4, 4) poses after (n, 6) steps in their own frames."""
     moves = np.tile(np.eye(4), (len(poses), 1, 1))
-    moves[:, :3, :3] = Rotation.from_rotvec(steps[:, :3]).as_matrix()
+    moves[:, :3, :3] = scipy.spatial.transform.Rotation.from_rotvec(steps[:, :3]).as_matrix()
     moves[:, :3, 3] = steps[:, 3:]
     return np.asarray(poses @ moves)
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.geometry.pose import Pose, compose
-from scipy.spatial.transform import Rotation
 
 from peakmark.maps.marker_map import MarkerMap
 from peakmark.recording.moment import Moment
@@ -163,7 +163,7 @@ class Messages:
         return self._new("geometry_msgs/msg/Pose", position=position, orientation=self._quaternion(pose))
 
     def _quaternion(self, pose: Pose) -> Any:
-        x, y, z, w = map(float, Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True))
+        x, y, z, w = map(float, scipy.spatial.transform.Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True))
         return self._new("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
 
     def _point(self, xyz: tuple[float, ...]) -> Any:

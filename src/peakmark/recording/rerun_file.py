@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.extras import needs_extra
 from peaksim.geometry.pose import Pose
-from scipy.spatial.transform import Rotation
 
 from peakmark.maps.marker_map import MarkerMap
 from peakmark.recording.moment import Moment
@@ -81,4 +81,4 @@ def _boxes(rr: Any, marker_map: MarkerMap) -> Any:
 
 
 def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True))
+    return np.asarray(scipy.spatial.transform.Rotation.from_matrix(rotation).as_quat(canonical=True))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 
@@ -136,8 +137,6 @@ def study_rows(figures: Sequence[CameraFigures]) -> list[tuple[str, Any, Any, An
 
 
 def _rows_of(name: str, chosen: Sequence[CameraFigures]) -> list[tuple[str, Any, Any, Any, Any]]:
-    from scipy.stats import chi2
-
     good = [each for each in chosen if each.field_px is not None]
     rows: list[tuple[str, Any, Any, Any, Any]] = []
     for title, value in (
@@ -159,7 +158,7 @@ def _rows_of(name: str, chosen: Sequence[CameraFigures]) -> list[tuple[str, Any,
     rows.append(rate(within, len(chosen)).row(f"{name}: good in all three"))
     if good:
         freedom = sum(each.parameters for each in good)
-        low, high = (float(chi2.ppf(p, freedom)) / freedom for p in (0.025, 0.975))
+        low, high = (float(scipy.stats.chi2.ppf(p, freedom)) / freedom for p in (0.025, 0.975))
         share = sum(each.nees or 0.0 for each in good) / freedom
         rows.append((f"{name}: NEES a parameter; honest within", share, low, high, len(good)))
     return rows

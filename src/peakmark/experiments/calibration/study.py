@@ -4,12 +4,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, invert
-from scipy.spatial.transform import Rotation
 
 from peakmark.experiments.option import check_range
 
@@ -112,8 +112,9 @@ def _pose(camera: Camera, rng: np.random.Generator, share: NDArray[np.float64], 
     nearest, farthest = (0.5, 0.6) if is_whole else (0.28, 0.45)
     reach_m = float(rng.uniform(nearest, farthest)) * (camera.fx / 1000 if camera.model == "brown" else 0.7)
     facing = _facing(-sight, rng.uniform(0, 2 * np.pi))
-    tilt = Rotation.from_euler("zxz", rng.uniform((0, 10, 0), (360, 45, 0)), degrees=True).as_matrix()
-    return invert(compose(facing @ tilt, reach_m * sight))
+    angles_deg = rng.uniform((0, 10, 0), (360, 45, 0))
+    tilt = scipy.spatial.transform.Rotation.from_euler("zxz", angles_deg, degrees=True)
+    return invert(compose(facing @ tilt.as_matrix(), reach_m * sight))
 
 
 def _facing(normal: NDArray[np.float64], roll: float) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import apply_sensor
@@ -17,7 +18,6 @@ from peaksim.geometry.pose import Pose, invert, look_at, transform
 from peaksim.rendering import render
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.scene import Scene
-from scipy.spatial import cKDTree
 
 from peakmark import surf
 from peakmark.errors import InputError
@@ -141,7 +141,7 @@ def repeats(camera: Camera, poses: tuple[Pose, Pose], patch: Patch, found: Seque
     inside = ((xy >= 0) & (xy <= [camera.width - 1, camera.height - 1])).all(axis=1)
     if len(second) == 0:
         return int(inside.sum()), 0
-    tree = cKDTree(second.xy)
+    tree = scipy.spatial.cKDTree(second.xy)
     again = sum(
         bool(np.any(np.abs(np.log(second.scale[near] / scale)) <= np.log(SCALE_RATIO)))
         for near, scale in zip(tree.query_ball_point(xy[inside], TOLERANCE_PX), first.scale[inside], strict=True)

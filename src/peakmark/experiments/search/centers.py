@@ -7,8 +7,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from peakmark.errors import InputError
 from peakmark.experiments.journal import Journal
@@ -142,7 +142,7 @@ def _row(kind: str, way: str, sigma: float, cells: Sequence[Sequence[Mapping[str
     """Return the figures of the estimates of all sizes and tilts."""
     found = [[one for one in cell if one is not None] for cell in cells]
     squares = _column(found, "square")
-    low, high = chi2.ppf([0.025, 0.975], 2 * max(len(squares), 1)) / max(len(squares), 1)
+    low, high = scipy.stats.chi2.ppf([0.025, 0.975], 2 * max(len(squares), 1)) / max(len(squares), 1)
     return {
         "kind": kind,
         "way": way,

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import expit
 
 Levels = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def _lamps(shape: tuple[int, ...], rng: np.random.Generator, limits: Exposure) -
         if rng.random() < 0.4:
             edge = edge + 0.03 * np.sin(2 * np.pi * (rng.uniform(2, 9) * _across(x, y, rng) + rng.random()))
         softness = np.exp(rng.uniform(np.log(0.4), np.log(25))) / width
-        light *= 1 - rng.uniform(0.1, 0.75) * expit(np.clip(edge / softness, -40, 40))
+        light *= 1 - rng.uniform(0.1, 0.75) * scipy.special.expit(np.clip(edge / softness, -40, 40))
     return np.clip(light, 0.03, None)
 
 
@@ -101,7 +101,7 @@ def _through_lens(light: Levels, rng: np.random.Generator, limits: Exposure) -> 
     if rng.random() < 0.25:
         soft = np.asarray(cv2.GaussianBlur(sharp, (0, 0), float(rng.uniform(0.8, limits.defocus_px))))
         y, x = np.mgrid[: light.shape[0], : light.shape[1]] / light.shape[1]
-        share = expit(6 * (_across(x, y, rng) - rng.uniform(-0.4, 0.4)))
+        share = scipy.special.expit(6 * (_across(x, y, rng) - rng.uniform(-0.4, 0.4)))
         sharp = sharp * (1 - share) + soft * share
     if rng.random() < 0.3 and limits.motion_px > 1:
         sharp = moved(sharp, float(rng.uniform(1, limits.motion_px)), float(rng.uniform(0, 180)))
@@ -145,8 +145,8 @@ def _tone_curve(rng: np.random.Generator) -> Callable[[Levels], Levels]:
         encoded = light ** (1 / gamma)
         if not steepness:
             return encoded
-        low, high = expit(-steepness * middle), expit(steepness * (1 - middle))
-        return np.asarray((expit(steepness * (encoded - middle)) - low) / (high - low))
+        low, high = scipy.special.expit(-steepness * middle), scipy.special.expit(steepness * (1 - middle))
+        return np.asarray((scipy.special.expit(steepness * (encoded - middle)) - low) / (high - low))
 
     return curve
 
