@@ -1,6 +1,7 @@
 """Scenes and views that a renderer finds hard, drawn from a seed."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,15 +42,20 @@ def marker(texels: int) -> NDArray[np.uint8]:
     return np.kron(coarse, np.ones((texels, texels))).astype(np.uint8)
 
 
+@cache
+def photographs() -> list[tuple[str, Texture]]:
+    """Return photographs that scikit-image ships."""
+    return [(name, Texture.from_array(getattr(data, name)())) for name in NAMES]
+
+
 def textures(rng: np.random.Generator) -> list[tuple[str, Texture]]:
     """Return named textures of high and of natural contrast."""
-    photos = [data.gravel(), data.brick(), data.camera(), data.astronaut()]
     return [
         ("chequer8", Texture.from_array(chequer(64, 8))),
         ("chequer3", Texture.from_array(chequer(101, 3))),
         ("noise", Texture.from_array(noise(512, rng))),
         ("marker", Texture.from_array(marker(12))),
-        *((name, Texture.from_array(p)) for name, p in zip(NAMES, photos, strict=True)),
+        *photographs(),
     ]
 
 

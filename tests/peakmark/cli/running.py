@@ -1,7 +1,9 @@
-"""Runs commands in this process, as a user's shell would."""
+"""Runs commands and scripts in this process, as a user's shell would."""
 
+import runpy
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import pytest
 
 from peakmark.cli.app import app
 from peakmark.cli.command import run_command
+from tests.places import ROOT
 
 
 @dataclass(frozen=True)
@@ -23,8 +26,12 @@ class Done:
 Run = Callable[..., Done]
 
 
-def runner(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
-    """Return what runs `peakmark ARGUMENTS` in a folder."""
+def runner(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], script: str | None = None
+) -> Run:
+    """Return what runs `peakmark ARGUMENTS`, or a script of that name, in a folder."""
+    path = ROOT / "scripts" / (script or "")
+    call = partial(runpy.run_path, str(path), run_name="__main__") if script else partial(run_command, app)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("COLUMNS", "120")
 
@@ -32,7 +39,7 @@ def runner(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureF
         monkeypatch.setattr("sys.argv", ["peakmark", *map(str, arguments)])
         monkeypatch.setattr("sys.stdin", StringIO(stdin))
         with pytest.raises(SystemExit) as ended:
-            run_command(app)
+            call()
         shown = capfd.readouterr()
         return Done(int(str(ended.value.code)), shown.out, shown.err)
 

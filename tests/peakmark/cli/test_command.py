@@ -187,7 +187,7 @@ def test_a_command_that_resumes_says_so_on_ctrl_c(
 
 def test_a_real_command_that_is_interrupted_resumes(tmp_path: Path) -> None:
     command = [sys.executable, str(ROOT / "scripts" / "evaluate_cave.py"), "--rooms", "50", "--views", "1"]
-    command += ["--size", "0.2", "--out", str(tmp_path / "out")]
+    command += ["--size", "0.2", "--workers", "1", "--out", str(tmp_path / "out")]
     environment = {**os.environ, "PYTHONPATH": SOURCES}
     with subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment

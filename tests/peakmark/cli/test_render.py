@@ -10,15 +10,17 @@ from peaksim.camera.sensor import apply_sensor
 from PIL import Image
 
 from tests.peakmark.cli.running import runner
+from tests.peaksim.corpus.helpers import write_tiny_scene
 
 
 def test_what_it_writes_is_what_the_library_renders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    done = runner(tmp_path, monkeypatch, capfd)("render", "cave", "--frames", 2, "--renderer", "exact", "--seed", 3)
+    scene = write_tiny_scene(tmp_path / "specs") / "tiny.toml"
+    done = runner(tmp_path, monkeypatch, capfd)("render", scene, "--frames", 2, "--renderer", "exact", "--seed", 3)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "2 images by exact\nResults: out/render\n"
-    setup = load_scene("cave")
+    setup = load_scene(scene)
     folder = tmp_path / "out" / "render"
     times = setup.trajectory.times_s
     poses = load_trajectory(folder / "poses.tum")

@@ -43,8 +43,8 @@ def as_mesh(scene: Scene, eye_m: np.ndarray, rng: np.random.Generator) -> Mesh:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_textured_triangles_are_the_area_integral(seed: int) -> None:
-    view = random_view(seed, 96, 72)
-    view = through(view, ("brown5", "fisheye")[seed % 2]) if seed < 2 else view
+    view = random_view(seed, 64, 48)
+    view = through(view, ("fisheye", "brown5")[seed]) if seed < 2 else view
     mesh = as_mesh(view.scene, view.pose[:3, 3], np.random.default_rng(seed))
     drawn = integrate(Scene((), (mesh,), background=view.scene.background), view.camera, view.pose[None])
     error = np.clip(np.rint(drawn), 0, 255) - area_integral(view.scene, view.camera, view.pose, 32)

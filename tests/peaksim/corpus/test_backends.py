@@ -1,6 +1,5 @@
 """Backends: every number is done, whatever dies; errors stop the run in one line; Dask with a real scheduler."""
 
-import ctypes
 import json
 import os
 import signal
@@ -10,96 +9,63 @@ import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from peaksim.corpus import in_process, make_corpus, on_dask, processes
 from peaksim.corpus.spec import spec_to_json
 from peaksim.errors import InputError, RendererError
 
+from tests.peaksim.corpus import tasks
 from tests.peaksim.corpus.helpers import child_environment, contents, is_alive, tiny_spec, wait_until
 
 
-def square(number: int) -> int:
-    return number * number
-
-
-def die_once(folder: str, number: int) -> int:
-    """Kill its own process the first time that number 3 comes."""
-    mark = Path(folder) / "died"
-    if number == 3 and not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number
-
-
-def always_die(number: int) -> int:
-    os.kill(os.getpid(), signal.SIGKILL)
-    return number
-
-
-def refuse(number: int) -> int:
-    raise InputError(f"no {number}")
-
-
-def stumble(number: int) -> int:
-    return 1 // number
-
-
-def hold_the_interpreter(folder: str, number: int) -> None:
-    """Let no thread of this process run for a minute."""
-    (Path(folder) / "pid").write_text(f"{os.getpid()} ")
-    ctypes.PyDLL(None).sleep(60)
-
-
-def threads(number: int) -> str:
-    return ",".join(os.environ.get(name, "") for name in ("PEAKSIM_THREADS", "PEAKMARK_THREADS", "LP_NUM_THREADS"))
-
-
 def test_in_process_keeps_the_order() -> None:
-    assert list(in_process().run(square, range(5))) == [0, 1, 4, 9, 16]
+    assert list(in_process().run(tasks.square, range(5))) == [0, 1, 4, 9, 16]
 
 
 def test_processes_do_everything_and_leave_nothing_behind() -> None:
-    assert sorted(processes(2).run(square, range(20))) == [n * n for n in range(20)]
-    assert list(processes(2).run(square, [])) == []
+    assert sorted(processes(2).run(tasks.square, range(20))) == [n * n for n in range(20)]
+    assert list(processes(2).run(tasks.square, [])) == []
     import multiprocessing
 
     assert multiprocessing.active_children() == []
 
 
 def test_a_killed_worker_is_replaced_and_its_task_done_again(tmp_path: Path) -> None:
-    assert sorted(processes(2).run(partial(die_once, str(tmp_path)), range(8))) == list(range(8))
+    assert sorted(processes(2).run(partial(tasks.die_once, str(tmp_path)), range(8))) == list(range(8))
     assert (tmp_path / "died").exists()
 
 
 def test_a_task_that_kills_every_worker_stops_the_run() -> None:
     with pytest.raises(RendererError, match="task 7: 3 worker processes died over it, the last with exit code -9"):
-        list(processes(1).run(always_die, [7]))
+        list(processes(1).run(tasks.always_die, [7]))
 
 
 def test_bad_input_in_a_worker_is_bad_input_here() -> None:
     with pytest.raises(InputError, match=r"^no 4$"):
-        list(processes(1).run(refuse, [4]))
+        list(processes(1).run(tasks.refuse, [4]))
 
 
 def test_a_fault_in_a_worker_shows_where_it_was() -> None:
     with pytest.raises(RuntimeError, match="ZeroDivisionError"):
-        list(processes(1).run(stumble, [0]))
+        list(processes(1).run(tasks.stumble, [0]))
 
 
 def test_each_worker_has_one_thread_and_the_environment_is_put_back() -> None:
     before = dict(os.environ)
-    assert set(processes(1).run(threads, [0])) == {"1,1,1"}
+    assert set(processes(1).run(tasks.threads, [0])) == {"1,1,1"}
     assert dict(os.environ) == before
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a thread watches, which this worker does not let run")
 def test_a_worker_dies_with_its_parent_whatever_it_does(tmp_path: Path) -> None:
     code = (
-        "import sys, test_backends; from functools import partial; from peaksim.corpus import processes\n"
-        "list(processes(1).run(partial(test_backends.hold_the_interpreter, sys.argv[1]), [0]))"
+        "import sys; from functools import partial\n"
+        "from peaksim.corpus import processes; from tests.peaksim.corpus import tasks\n"
+        "list(processes(1).run(partial(tasks.hold_the_interpreter, sys.argv[1]), [0]))"
     )
-    parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], env=environment_with_these_tests())
+    parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], env=child_environment())
     try:
         wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text().endswith(" "))
     finally:
@@ -108,12 +74,6 @@ def test_a_worker_dies_with_its_parent_whatever_it_does(tmp_path: Path) -> None:
     worker = int((tmp_path / "pid").read_text())
     wait_until(lambda: not is_alive(worker), limit_s=20)
     assert not is_alive(worker)
-
-
-def environment_with_these_tests() -> dict[str, str]:
-    environment = child_environment()
-    environment["PYTHONPATH"] += os.pathsep + str(Path(__file__).parent)
-    return environment
 
 
 @pytest.mark.parametrize("workers", [0, -1, 5000])
@@ -155,7 +115,7 @@ class Cluster:
     def _start(self, *command: str) -> subprocess.Popen[bytes]:
         with (self.folder / "log.txt").open("ab") as log:
             arguments = [sys.executable, "-m", "dask", *command]
-            process = subprocess.Popen(arguments, stdout=log, stderr=log, env=environment_with_these_tests())
+            process = subprocess.Popen(arguments, stdout=log, stderr=log, env=child_environment())
         self.processes.append(process)
         return process
 
@@ -202,9 +162,7 @@ def test_a_scheduler_killed_midway_is_one_line_and_the_same_command_resumes(
         "run_command(helpers.make_on_scheduler)"
     )
     command = [sys.executable, "-c", code, str(tmp_path / "spec.json"), str(folder), str(tmp_path / "c")]
-    program = subprocess.Popen(
-        [*command, cluster.address], env=environment_with_these_tests(), stderr=subprocess.PIPE, text=True
-    )
+    program = subprocess.Popen([*command, cluster.address], env=child_environment(), stderr=subprocess.PIPE, text=True)
     try:
         wait_until(lambda: any((tmp_path / "c").glob("sums/*")) or program.poll() is not None)
         cluster.processes[0].kill()
@@ -218,23 +176,29 @@ def test_a_scheduler_killed_midway_is_one_line_and_the_same_command_resumes(
     assert contents(tmp_path / "c") == contents(tmp_path / "whole")
 
 
-def test_workers_of_several_threads_are_refused(cluster: Cluster) -> None:
-    from distributed import Client
+def here(threads: int) -> Any:
+    """Return a scheduler with one worker of so many threads, all in this process, which takes a tenth of the time."""
+    from distributed import LocalCluster
 
-    cluster.add_worker("--nthreads", "3")
-    with Client(cluster.address, set_as_default=False) as client:
-        client.wait_for_workers(1, timeout=60)
-    with pytest.raises(InputError, match=r"expected workers of one thread .*, tcp://.* has 3"):
-        list(on_dask(cluster.address).run(square, [1]))
+    return LocalCluster(
+        n_workers=1, threads_per_worker=threads, processes=False, protocol="tcp://", dashboard_address=None
+    )
 
 
-def test_bad_input_on_a_dask_worker_is_bad_input_here(cluster: Cluster) -> None:
-    cluster.add_worker("--nthreads", "1")
-    with pytest.raises(InputError, match=r"^no 4$"):
-        list(on_dask(cluster.address).run(refuse, [4]))
+def test_workers_of_several_threads_are_refused() -> None:
+    with (
+        here(threads=3) as cluster,
+        pytest.raises(InputError, match=r"expected workers of one thread .*, tcp://.* has 3"),
+    ):
+        list(on_dask(cluster.scheduler_address).run(tasks.square, [1]))
+
+
+def test_bad_input_on_a_dask_worker_is_bad_input_here() -> None:
+    with here(threads=1) as cluster, pytest.raises(InputError, match=r"^no 4$"):
+        list(on_dask(cluster.scheduler_address).run(tasks.refuse, [4]))
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tcp://"])
 def test_a_scheduler_that_is_not_there_is_one_line(address: str) -> None:
     with pytest.raises(InputError, match=f"--dask {address}: expected a scheduler, none answers there"):
-        list(on_dask(address).run(square, [1]))
+        list(on_dask(address).run(tasks.square, [1]))

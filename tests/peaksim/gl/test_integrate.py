@@ -65,7 +65,7 @@ def test_it_agrees_with_the_exact_renderer_from_thirty_random_poses(seed: int) -
 
 @pytest.mark.parametrize("seed", [2, 9])
 def test_it_is_the_area_integral(seed: int) -> None:
-    assert_is_area_integral(seed, 32, 96, 72)
+    assert_is_area_integral(seed, 32, 64, 48)
 
 
 @pytest.mark.slow

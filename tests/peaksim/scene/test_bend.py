@@ -1,5 +1,6 @@
 """Bent paper: lengths on it, the panels that stand for it, and images of it against rays that meet a cylinder."""
 
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -81,6 +82,14 @@ VIEWS = [
 ]
 
 
+@cache
+def view_of(radius_m: float, axis: Literal["x", "y"], lens: str, eye_m: tuple[float, ...]) -> tuple[Any, ...]:
+    """Return a bent sheet, camera and pose, and what is seen; the same for every renderer."""
+    camera = CAMERA if lens == "pinhole" else resized(LENSES[lens], CAMERA.width / LENSES[lens].width)
+    quad, pose = bent(radius_m, axis), look_at(eye_m, (0.02, 0, 0.03))
+    return quad, camera, pose, cylinder_integral(quad, camera, pose, 32)
+
+
 @pytest.mark.parametrize(
     "renderer", ["exact", pytest.param("gl", marks=pytest.mark.skipif(not is_available(), reason="no OpenGL"))]
 )
@@ -88,10 +97,8 @@ VIEWS = [
 def test_images_are_those_of_a_cylinder(
     radius_m: float, axis: Literal["x", "y"], lens: str, eye_m: tuple[float, ...], renderer: Any
 ) -> None:
-    camera = CAMERA if lens == "pinhole" else resized(LENSES[lens], CAMERA.width / LENSES[lens].width)
-    quad, pose = bent(radius_m, axis), look_at(eye_m, (0.02, 0, 0.03))
+    quad, camera, pose, expected = view_of(radius_m, axis, lens, eye_m)
     shown = render(Scene((quad,)), camera, pose, renderer).linear
-    expected = cylinder_integral(quad, camera, pose, 32)
     error = shown - expected
     assert np.ptp(expected) > 20
     assert np.sqrt((error**2).mean()) < 0.5

@@ -2,8 +2,6 @@
 
 import csv
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +24,8 @@ from peakmark.experiments.cave.walk_results import polarity_figure, response_fig
 from peakmark.plain import to_plain
 from peakmark.report.trajectory_view import has_trajectory_view
 from peakmark.score.arrays import printed_arrays
+from tests.peakmark.cli.running import Run, runner
 from tests.peakmark.experiments.cave.cave_scene import SMALL_CAVE
-from tests.places import ROOT
 
 FILES = {"frame.png", "overlay.png", "response_vs_vis.png", "polarity.png", "report.html", "result.json"}
 KEYS = {
@@ -205,12 +203,12 @@ def test_an_image_smaller_than_a_marker_holds_nothing() -> None:
     assert identify(np.zeros((3, 3), np.uint8), polarity="both") == ()
 
 
-def script(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(ROOT / "scripts" / "render_cave.py"), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+@pytest.fixture
+def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    return runner(tmp_path, monkeypatch, capfd, "render_cave.py")
 
 
-def test_the_script_prints_where_to_look(small: Path, tmp_path: Path) -> None:
+def test_the_script_prints_where_to_look(script: Run, small: Path, tmp_path: Path) -> None:
     done = script("--scene", str(small), "--out", str(tmp_path / "o"))
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip().splitlines()[-1].endswith("o/report.html")
@@ -225,7 +223,7 @@ def test_the_script_prints_where_to_look(small: Path, tmp_path: Path) -> None:
     ],
 )
 def test_bad_arguments_are_one_line_and_status_2_and_leave_nothing(
-    tmp_path: Path, arguments: tuple[str, str], message: str
+    script: Run, tmp_path: Path, arguments: tuple[str, str], message: str
 ) -> None:
     done = script("--out", str(tmp_path / "out"), *arguments)
     assert done.returncode == 2

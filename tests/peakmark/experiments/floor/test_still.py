@@ -3,8 +3,6 @@
 import csv
 import hashlib
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +32,8 @@ from peakmark.experiments.floor.view import FloorView
 from peakmark.identification.stretch import stretched
 from peakmark.plain import to_plain
 from tests.helpers import needs_gl
+from tests.peakmark.cli.running import Run, runner
 from tests.peaksim.traced.helpers import needs_tracing
-from tests.places import ROOT
 
 FILES = {"frame.png", "overlay.png", "responses.png", "signatures.png", "report.html", "result.json"}
 SMALL_SCENE = """
@@ -183,14 +181,12 @@ def test_every_floor_and_seed(texture: str, seed: int) -> None:
     assert score.localisation_px.rms <= 1
 
 
-def test_the_stretch_separates_better_as_the_paper_says() -> None:
-    drops = {}
-    for stretch in (1.0, 2.0):
-        config = FloorConfig(stretch=stretch)
-        score = render_view(open_scene(config), config, 0, 0.0).score
-        drops[stretch] = (score.markers_found, score.response_drop or 0.0)
-    assert drops[1.0] < drops[2.0]
-    assert drops[1.0][1] < 0.75 * drops[2.0][1]
+def test_the_stretch_separates_better_as_the_paper_says(default_run: tuple[Path, FloorResult]) -> None:
+    config = FloorConfig(stretch=1.0)
+    scores = render_view(open_scene(config), config, 0, 0.0).score, default_run[1].score
+    plain, stretched_twice = ((score.markers_found, score.response_drop or 0.0) for score in scores)
+    assert plain < stretched_twice
+    assert plain[1] < 0.75 * stretched_twice[1]
 
 
 @pytest.mark.parametrize(
@@ -243,12 +239,12 @@ def test_memory_is_flat_over_200_frames(small_scene: Path, renderer: Renderer) -
     assert resident_mb() - after_50 < 20
 
 
-def script(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(ROOT / "scripts" / "render_floor.py"), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+@pytest.fixture
+def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Run:
+    return runner(tmp_path, monkeypatch, capfd, "render_floor.py")
 
 
-def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> None:
+def test_the_script_prints_where_to_look(script: Run, small_scene: Path, tmp_path: Path) -> None:
     done = script("--scene", str(small_scene), "--out", str(tmp_path / "o"), "--renderer", "exact")
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip().splitlines()[-1].endswith("o/report.html")
@@ -272,7 +268,7 @@ def test_the_script_prints_where_to_look(small_scene: Path, tmp_path: Path) -> N
     ],
 )
 def test_bad_input_is_one_line_and_status_2_and_leaves_nothing(
-    tmp_path: Path, arguments: tuple[str, str], message: str
+    script: Run, tmp_path: Path, arguments: tuple[str, str], message: str
 ) -> None:
     out = tmp_path / "out"
     done = script("--out", str(out), *arguments) if arguments[0] != "--out" else script(*arguments)
