@@ -7,7 +7,7 @@ from peaksim.corpus.draws import Draws, corpus_draws
 from peaksim.corpus.spec import CameraChoice, CorpusSpec
 from peaksim.corpus.spread import Spread
 from peaksim.errors import SceneError
-from peaksim.scene.build import check_focal_length
+from peaksim.scene.build_camera import check_focal_length
 
 
 @dataclass(frozen=True)

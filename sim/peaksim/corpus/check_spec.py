@@ -16,7 +16,8 @@ from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView, sensor_val
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import InputError, SceneError
 from peaksim.image_file import read_image_8_bits
-from peaksim.scene.build import marker_pattern, quad_pose
+from peaksim.scene.build_markers import marker_pattern
+from peaksim.scene.build_quads import quad_pose
 from peaksim.scene.file import build_setup
 from peaksim.scene.schema import MarkerTable, RoomTable, SceneTable
 

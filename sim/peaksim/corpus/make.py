@@ -75,7 +75,10 @@ def make_corpus(
         written: list[Written] = []
         if not store.exists(layout.MANIFEST):
             written += _write_shards(store, job, spec, backend, on_frames)
-            written += backend.run(partial(write_part, job), range(layout.part_count(spec)))
+            parts = range(layout.part_count(spec))
+            # a single part is written sooner than a worker has started
+            where = in_process() if backend.is_here and len(parts) == 1 else backend
+            written += where.run(partial(write_part, job), parts)
             open_job(job).inputs.require_same()
             _finish(store, configuration, folder)
     damaged = tuple(line for one in written for line in one.damaged)

@@ -26,7 +26,7 @@ from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import Pose
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
-from peaksim.scene.build import build_camera
+from peaksim.scene.build_camera import build_camera
 from peaksim.scene.file import Setup, build_setup, find_scene_beside, read_table
 from peaksim.scene.scene import Light, Scene
 from peaksim.scene.schema import RoomTable, SceneTable

@@ -108,8 +108,17 @@ def _check_weights(weights: tuple[float, ...], count: int) -> None:
 
 
 def _truncated_normal(share: float, mean: float, sigma: float, low: float, high: float) -> float:
-    value = scipy.stats.truncnorm.ppf(share, (low - mean) / sigma, (high - mean) / sigma, mean, sigma)
-    return float(np.clip(value, low, high))
+    a, b = (low - mean) / sigma, (high - mean) / sigma
+    # in the upper tail probabilities are near 1, where numbers are coarse: there the mirrored distribution is used
+    steps = _standard_normal(share, a, b) if a <= 0 else -_standard_normal(1 - share, -b, -a)
+    return float(np.clip(mean + sigma * steps, low, high))
+
+
+def _standard_normal(share: float, low: float, high: float) -> float:
+    """Return the value below which a share of a standard normal distribution between limits lies."""
+    # as scipy.stats's truncnorm, which takes 0.2 s to import
+    below, above = scipy.special.ndtr([low, high])
+    return float(scipy.special.ndtri(below + share * (above - below)))
 
 
 def _within(low: float, high: float, *, whole: bool = False) -> Callable[[Spread], Spread]:

@@ -15,7 +15,8 @@ from peaksim.corpus.spec import (
 )
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, rotation_about
-from peaksim.scene.build import path_poses, quad_pose
+from peaksim.scene.build_markers import path_poses
+from peaksim.scene.build_quads import quad_pose
 from peaksim.scene.schema import BoxTable, MarkerTable, MaterialTable, QuadTable, RoomTable, SceneTable, TextureTable
 
 _GAP_M = 0.001  # between surfaces that lie on each other

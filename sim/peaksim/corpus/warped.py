@@ -10,7 +10,7 @@ from peaksim.corpus.draws import Draws
 from peaksim.corpus.spec import BendSpread, PrintSpread, WarpedSpread
 from peaksim.corpus.vary import bent_marker, drawn_print
 from peaksim.geometry.pose import Pose, look_at, transform
-from peaksim.scene.build import marker_quads
+from peaksim.scene.build_markers import marker_quads
 from peaksim.scene.material import Material
 from peaksim.scene.scene import Scene
 from peaksim.scene.schema import MarkerTable

@@ -12,8 +12,14 @@ from peaksim.camera.presets import sensor_named
 from peaksim.camera.sensor import Sensor
 from peaksim.errors import InputError, SceneError
 from peaksim.geometry.trajectory import Trajectory
-from peaksim.scene import build as scene_build
 from peaksim.scene import posters as scene_posters
+from peaksim.scene.build_camera import build_camera, build_trajectory, check_camera
+from peaksim.scene.build_lights import build_lights
+from peaksim.scene.build_markers import marker_quads
+from peaksim.scene.build_meshes import build_meshes, file_meshes
+from peaksim.scene.build_quads import build_quads, room_quads
+from peaksim.scene.named_material import load_materials
+from peaksim.scene.paper import load_textures
 from peaksim.scene.scene import Scene
 from peaksim.scene.schema import SceneTable
 from peaksim.scene.sheet_file import sheet_quads
@@ -129,26 +135,23 @@ def build_setup(table: SceneTable, folder: Path, variants: Mapping[str, str] | N
     SceneError
         One line that names the field, what was expected and what came.
     """
-    materials = scene_build.load_materials(table.materials)
-    textures = scene_build.load_textures(table.textures, variants or {}, folder, materials)
+    materials = load_materials(table.materials)
+    textures = load_textures(table.textures, variants or {}, folder, materials)
     scene = Scene(
         quads=(
-            *scene_build.room_quads(table.room, textures),
-            *scene_build.build_quads(table.quads, textures),
-            *scene_build.marker_quads(table.markers, table.marker_paths, table.room, materials, folder),
+            *room_quads(table.room, textures),
+            *build_quads(table.quads, textures),
+            *marker_quads(table.markers, table.marker_paths, table.room, materials, folder),
             *scene_posters.poster_quads(table.posters, table.room, materials, folder),
             *sheet_quads(table.sheets, table.room, folder, materials),
         ),
-        meshes=(
-            *scene_build.build_meshes(table.boxes, table.tables, materials),
-            *scene_build.file_meshes(table.meshes, folder, materials),
-        ),
-        lights=scene_build.build_lights(table.lights, folder),
+        meshes=(*build_meshes(table.boxes, table.tables, materials), *file_meshes(table.meshes, folder, materials)),
+        lights=build_lights(table.lights, folder),
         background=table.background,
     )
-    scene_build.check_camera(table.trajectory, table.room)
-    camera = scene_build.build_camera(table.camera)
-    return Setup(scene, camera, scene_build.build_trajectory(table.trajectory), build_sensor(table.sensor))
+    check_camera(table.trajectory, table.room)
+    camera = build_camera(table.camera)
+    return Setup(scene, camera, build_trajectory(table.trajectory), build_sensor(table.sensor))
 
 
 def build_sensor(settings: Mapping[str, Any]) -> Sensor:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, rotation_about
 from peaksim.scene.bend import Bend
-from peaksim.scene.build import marker_pattern
+from peaksim.scene.build_markers import marker_pattern
 from peaksim.scene.material import PRINT, Material
 from peaksim.scene.scene import Mark, Mesh, Quad, Scene
 from peaksim.scene.sheet_file import read_sheet

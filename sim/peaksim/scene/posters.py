@@ -8,8 +8,10 @@ import numpy as np
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.scene import schema as schema
-from peaksim.scene.build import PLAIN, Materials, bend_of, check_inside, marker_pattern, material_of, quad_pose
+from peaksim.scene.build_markers import check_inside, marker_pattern
+from peaksim.scene.build_quads import bend_of, quad_pose
 from peaksim.scene.material import PRINT, Material
+from peaksim.scene.named_material import PLAIN, Materials, material_of
 from peaksim.scene.scene import Mark, Quad
 from peaksim.scene.texture import MAX_TEXELS, Texture
 

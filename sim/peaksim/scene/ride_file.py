@@ -12,7 +12,7 @@ from peaksim.errors import InputError, SceneError
 from peaksim.geometry.floor_path import FloorPath
 from peaksim.geometry.trajectory import Trajectory
 from peaksim.geometry.trajectory_file import load_trajectory
-from peaksim.scene.build import build_camera
+from peaksim.scene.build_camera import build_camera
 from peaksim.scene.file import Setup, build_sensor, find_scene_beside, load_scene, read_table
 from peaksim.scene.ride import Bumps, ExposureChange, Mount, Ride, follow_path
 from peaksim.scene.schema import CameraTable, Name, NotNegative, Number, Point2, Positive, SceneTable, StrictTable

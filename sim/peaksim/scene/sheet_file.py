@@ -15,7 +15,9 @@ from peaksim import shipped
 from peaksim.errors import InputError, SceneError
 from peaksim.geometry.pose import compose, rotation_about
 from peaksim.scene import schema as schema
-from peaksim.scene.build import PLAIN, Materials, bend_of, check_inside, marker_pattern, material_of, quad_pose
+from peaksim.scene.build_markers import check_inside, marker_pattern
+from peaksim.scene.build_quads import bend_of, quad_pose
+from peaksim.scene.named_material import PLAIN, Materials, material_of
 from peaksim.scene.scene import Mark, Quad
 from peaksim.scene.texture import Texture
 from peaksim.text_file import read_text

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from peaksim.scene.build import build_camera
+from peaksim.scene.build_camera import build_camera
 from peaksim.scene.file import read_table
 from rich.table import Table
 from typer import Option

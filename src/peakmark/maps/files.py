@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.geometry.pose import transform
-from peaksim.scene.build import quad_pose
+from peaksim.scene.build_quads import quad_pose
 from peaksim.scene.file import find_scene, load_scene
 from peaksim.scene.scene import Scene
 from peaksim.scene.schema import NotNegative, Point3, Positive, StrictTable

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from peaksim import Camera
 from peaksim.geometry.pose import Pose, compose, invert, look_at, transform
-from peaksim.scene.build import quad_pose
+from peaksim.scene.build_quads import quad_pose
 
 from peakmark.arrays.decode import MarkerArray
 from peakmark.errors import InputError

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from peaksim.corpus.spread import Spread, pick_index
 from pydantic import ValidationError
-from scipy.stats import norm
+from scipy.stats import norm, truncnorm
 
 FORMS = [
     3.5,
@@ -50,6 +50,14 @@ def test_a_wide_normal_is_the_normal_distribution_and_a_narrow_one_is_cut() -> N
     assert [wide.at(share) for share in (0.1, 0.5, 0.9)] == pytest.approx(norm.ppf([0.1, 0.5, 0.9], 1, 2))
     narrow = Spread.model_validate({"normal": [1, 2], "within": [1, 3]})
     assert norm.cdf(narrow.at(0.5), 1, 2) == pytest.approx((norm.cdf(1, 1, 2) + norm.cdf(3, 1, 2)) / 2)
+
+
+@pytest.mark.parametrize("within", [(-3, 3), (4.5, 5), (-5, -4.5), (-40, 1), (1, 40), (-5, 40), (-40, 5)])
+def test_a_cut_normal_is_exact_in_both_tails(within: tuple[float, float]) -> None:
+    shares = (0.0, 1e-9, 0.1, 0.5, 0.9, 1 - 1e-9)
+    spread = Spread.model_validate({"normal": [0, 1], "within": list(within)})
+    wanted = np.clip(truncnorm.ppf(shares, *within), *within)
+    assert [spread.at(share) for share in shares] == pytest.approx(wanted, rel=0, abs=1e-8)
 
 
 def test_weights_are_shares_of_the_whole() -> None:

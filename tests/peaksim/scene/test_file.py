@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from peaksim import Camera, camera_named, load_scene
 from peaksim.errors import SceneError
-from peaksim.scene.build import build_camera, path_poses
+from peaksim.scene.build_camera import build_camera
+from peaksim.scene.build_markers import path_poses
 from peaksim.scene.schema import CameraTable, MarkerPathTable
 
 SMALL = """

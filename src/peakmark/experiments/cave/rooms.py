@@ -15,9 +15,10 @@ from peaksim.camera.camera import Camera
 from peaksim.camera.models import camera_named
 from peaksim.camera.sensor import Sensor
 from peaksim.geometry.pose import Pose, compose, rotation_about
-from peaksim.scene import build as scene_build
 from peaksim.scene import schema
-from peaksim.scene.build import Paper
+from peaksim.scene.build_meshes import build_meshes
+from peaksim.scene.build_quads import quad_pose, room_quads
+from peaksim.scene.paper import Paper, scale_contrast
 from peaksim.scene.posters import poster_copies
 from peaksim.scene.scene import Mesh, Quad, Scene
 
@@ -111,7 +112,7 @@ def random_room(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]
     posters = [_array_poster(rng, code, slots.pop(), printed) for code in range(8)]
     slots = [slots[i] for i in rng.permutation(len(slots))]
     others = [quad for k in range(len(slots) // 3) for quad in _other_poster(rng, k, slots.pop(), photos, printed)]
-    quads = (*scene_build.room_quads(table, papers), *posters, *others)
+    quads = (*room_quads(table, papers), *posters, *others)
     scene = Scene(quads, tuple(_furniture(rng, size)))
     return Room(scene, np.zeros(3), size, tuple(quad.name for quad in posters))
 
@@ -123,7 +124,7 @@ def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
 def _paper(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]]) -> Paper:
     photo = photos[str(rng.choice(list(photos)))]
     contrast, mean = rng.uniform(0.2, 1.0), rng.uniform(80, 200)
-    return Paper(scene_build.scale_contrast(photo, contrast, mean), float(rng.uniform(1.2, 2.5)))
+    return Paper(scale_contrast(photo, contrast, mean), float(rng.uniform(1.2, 2.5)))
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,7 @@ def _other_poster(
         photo = photos[str(rng.choice(list(photos)))]
         size = (width, min(0.42, width * photo.shape[0] / photo.shape[1]))
         paper = Paper(photo, size[0])
-        pose = scene_build.quad_pose(slot.normal, (0.0, 0.0, 1.0), slot.center_m, "photograph")
+        pose = quad_pose(slot.normal, (0.0, 0.0, 1.0), slot.center_m, "photograph")
         return [Quad(f"photograph{number:02d}", paper.cover_surface(size, "photograph"), size, pose)]
     side = float(rng.uniform(*SIDE_M))
     columns, rows = {"single": (1, 1), "block": (2, 2), "dense": (5, 7)}[str(kind)]
@@ -216,7 +217,7 @@ def _furniture(rng: np.random.Generator, size: NDArray[np.float64]) -> list[Mesh
         )
         for k in range(int(rng.integers(1, 4)))
     )
-    return list(scene_build.build_meshes(boxes, ()))
+    return list(build_meshes(boxes, ()))
 
 
 # --- cameras ------------------------------------------------------------------------------------------------

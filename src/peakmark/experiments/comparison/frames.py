@@ -11,9 +11,9 @@ from peaksim.camera.camera import Camera
 from peaksim.camera.sensor import Sensor, capture_image
 from peaksim.geometry.pose import Pose, invert, transform
 from peaksim.rendering import render
-from peaksim.scene import build as scene_build
 from peaksim.scene.lamps import AreaLight, Environment
 from peaksim.scene.material import PRINT, Material
+from peaksim.scene.paper import Paper, scale_contrast
 from peaksim.scene.scene import Quad, Scene
 from peaksim.scene.texture import Texture
 
@@ -157,10 +157,10 @@ def board_scene(
 ) -> Scene:
     """Return a board's prints on a wall of a photograph that nothing was trained on; `wall_m` is its side."""
     photos = _photos()
-    photo = scene_build.scale_contrast(photos[str(rng.choice(list(photos)))], float(rng.uniform(0.3, 1)), 140.0)
+    photo = scale_contrast(photos[str(rng.choice(list(photos)))], float(rng.uniform(0.3, 1)), 140.0)
     away = np.eye(4)
     away[2, 3] = -0.002
-    texture = scene_build.Paper(photo, float(rng.uniform(0.6, 1.5))).cover_surface((wall_m, wall_m), "wall")
+    texture = Paper(photo, float(rng.uniform(0.6, 1.5))).cover_surface((wall_m, wall_m), "wall")
     wall = Quad("wall", texture, (wall_m, wall_m), away, material=material)
     side = (1 + 2 * MARGIN) * SIDE_M
     sheets = [

@@ -10,7 +10,7 @@ from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth
 from peaksim.geometry.pose import Pose, compose, rotation_about
 from peaksim.rendering import render
-from peaksim.scene import build as scene_build
+from peaksim.scene.paper import Paper, scale_contrast
 from peaksim.scene.scene import Mark, Quad, Scene
 from peaksim.scene.texture import Texture
 
@@ -100,12 +100,12 @@ def plain_image(
 def _wall(rng: np.random.Generator, photos: Mapping[str, NDArray[np.uint8]], side_px: float) -> Quad:
     """Return the surface under the sheets, six images wide."""
     contrast, mean = float(rng.uniform(0.3, 1)), float(rng.uniform(70, 190))
-    photo = scene_build.scale_contrast(random_ground(rng, photos), contrast, mean)
+    photo = scale_contrast(random_ground(rng, photos), contrast, mean)
     texels_per_m = np.exp(rng.uniform(np.log(0.3), np.log(1.5))) * side_px / SIDE_M
     wide = 6 * WIDTH * SIDE_M / side_px
     away = np.eye(4)
     away[2, 3] = -0.05 * SIDE_M
-    paper = scene_build.Paper(photo, photo.shape[1] / texels_per_m)
+    paper = Paper(photo, photo.shape[1] / texels_per_m)
     return Quad("wall", paper.cover_surface((wide, wide), "wall"), (wide, wide), away)
 
 

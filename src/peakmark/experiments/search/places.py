@@ -15,7 +15,8 @@ from peaksim.camera.sensor import apply_sensor
 from peaksim.geometry.pose import look_at, rotation_about
 from peaksim.rendering import render
 from peaksim.scene import schema
-from peaksim.scene.build import Paper, quad_pose, scale_contrast
+from peaksim.scene.build_quads import quad_pose
+from peaksim.scene.paper import Paper, scale_contrast
 from peaksim.scene.posters import poster_copies
 from peaksim.scene.scene import Light, Quad, Scene
 
