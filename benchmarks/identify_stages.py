@@ -37,7 +37,7 @@ def stage_times(gray: NDArray[np.uint8], rounds: int) -> dict[str, float]:
     first_batch, everything = least_ms(lambda: align_image(gray), rounds), least_ms(lambda: identify(gray), rounds)
     return {
         "noise": noise,
-        "candidates: five copies, SURF": candidates,
+        "candidates: blobs of five shapes": candidates,
         "coarse correlation": coarse,
         "alignments, measures, evidence": first_batch - noise - candidates - coarse,
         "more batches, decision, last fits": everything - first_batch,

@@ -232,43 +232,17 @@ static void search_rows(search *s) {
     }
 }
 
-enum {
-    STRIP = 64, /* rows whose columns are chosen together; even, for the room of records */
-    BESIDE = 4, /* columns and rows beyond the spans: a key point lies up to one from its maximum, and slanted spans of
-                   rows between those of the grid may reach three farther */
-};
-
-/* A strip of a block, as wide as the spans (height, 2) of its rows and their neighbours ask for. */
-static search narrowed(const search *block, int64_t top, const int32_t *spans, int64_t height) {
-    search strip = *block;
-    int64_t first = INT64_MAX, last = 0;
-    strip.top = top, strip.bottom = least(top + STRIP, block->bottom);
-    for (int64_t i = strip.top - BESIDE; i < strip.bottom + BESIDE; i++) {
-        int64_t row = most(0, least(height - 1, i * ((int64_t)1 << block->octave)));
-        first = least(first, spans[2 * row]), last = most(last, spans[2 * row + 1]);
-    }
-    strip.left = most(block->left, (first >> block->octave) - BESIDE);
-    strip.right = least(block->right, (last >> block->octave) + BESIDE);
-    return strip;
-}
-
-/* Write the records of the maxima in a block, and how many; with spans of the image's rows only about there. There is room
-   for all: of four grid positions in a square at most one is a maximum of its layer. */
+/* Write the records of the maxima in a block, and how many. There is room for all: of four grid positions in a square at
+   most one is a maximum of its layer. */
 EXPORT status find_in_block(const int32_t *integral, int64_t height, int64_t stride, const int32_t *mask, float threshold,
                             int64_t octave, int64_t layers, int64_t rows, int64_t columns, int64_t top, int64_t bottom,
-                            int64_t left, int64_t right, const int32_t *spans, int64_t span_count, float *records, int64_t room,
-                            int64_t *count) {
+                            int64_t left, int64_t right, float *records, int64_t room, int64_t *count) {
     (void)height, (void)room;
     memory taken = {.count = 0};
     search s = {octave, layers, rows, columns, top, bottom, left, right, (const uint32_t *)integral,
                 (const uint32_t *)mask, stride, right - left + 2, threshold, NULL, NULL, NULL, NULL, 0, records, 0};
     bool is_ready = take_rows(&s, &taken);
-    if (is_ready && !spans) search_rows(&s);
-    for (int64_t first = top; is_ready && spans && first < bottom; first += STRIP) {
-        search strip = narrowed(&s, first, spans, span_count);
-        if (strip.left < strip.right) search_rows(&strip);
-        s.count = strip.count;
-    }
+    if (is_ready) search_rows(&s);
     give_back(&taken);
     *count = s.count;
     return is_ready ? DONE : OUT_OF_MEMORY;

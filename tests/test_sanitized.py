@@ -21,6 +21,7 @@ FILES = (
     "tests/peakmark/surf/test_exact.py",
     "tests/peakmark/surf/test_window.py",
     "tests/peakmark/surf/test_orientation.py",
+    "tests/peakmark/identification/test_blobs.py",
     "tests/peakmark/identification/test_candidates.py",
     "tests/peakmark/identification/test_evidence.py",
     "tests/peakmark/identification/test_screening.py",

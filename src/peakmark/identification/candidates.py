@@ -1,8 +1,6 @@
-"""Where markers may be: SURF on the image and on copies of it squeezed along four directions, by response quotient.
+"""Where markers may be: blobs of five shapes, by response quotient.
 
-A steep marker is a narrow blob, to which SURF's square filters hardly answer; stretched by two along its narrow
-direction it is round again. The copies keep the image's area. They are sampled between pixels, which also breaks the
-ties of a clean marker that lies exactly between samples.
+A steep marker is a narrow blob, to which SURF's square filters hardly answer, but filters twice as long as wide do.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,31 +11,36 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.native import function
 
+from peakmark.identification.blobs import blob_rows
 from peakmark.identification.detection import SIDE_OF_SCALE
-from peakmark.identification.evidence import best_response, box_variance
-from peakmark.parallel import map_parallel
-from peakmark.surf.hessian import find_interest_points
-from peakmark.surf.integral import padded_integral
+from peakmark.parallel import bands
 
 THRESHOLD = 300.0
 """Hessian threshold; 100, 300 and 500 find the same markers of 20 px and more."""
 
-LEAST_QUOTIENT = 0.14
+LEAST_QUOTIENT = 0.12
 """Response quotient from which a key point is a candidate."""
 
-SMALLEST_PX = 10.0
+SMALLEST_PX = 12.0
 """Side of the smallest candidates."""
+
+_SMALL_PX, _LEAST_OF_SMALL = 14.0, 0.3
+"""Side below which a candidate's quotient must be higher, for letters and texture have many of less: set by hand, where
+random images lost no marker of 15 px by it."""
 
 PAGE = 500
 """Candidates that are looked at together, by falling quotient."""
 
-DIRECTIONS_DEG = (0.0, 45.0, 90.0, 135.0)
-_PAD_SHARE = 0.05
 _NEAR, _LIKE = 0.12, 1.2
 """Key points of one sign this near, in scales, and this like in scale, are one candidate."""
 
-_COPIED_PIXELS = 1_500_000
-"""Larger images are searched in copies of about this size, too; their own pixels only unsqueezed."""
+_WHOLE_PIXELS = 2_500_000
+"""Larger images are searched reduced by a whole number to less; in their own pixels only for what is small there."""
+
+_SMALL_OCTAVES = (0, 1)
+"""Octaves of these small ones: up to those of the first octave of an image reduced by 4."""
+_STRIP_ROWS, _STRIP_MARGIN = 512, 64
+"""Of the strips of a large image, which keep the room for sums small; and what a blob needs beyond them."""
 
 _distinct_rows = function(
     "status distinct_rows(const f8[n,6] found, f8 near, f8 like, f8 width, f8 height, i8[n] kept, i8[1] count)"
@@ -74,18 +77,19 @@ class MarkerCandidates:
 def candidate_pages(gray: NDArray[np.uint8], smallest_px: float = SMALLEST_PX) -> Iterator[MarkerCandidates]:
     """Yield where markers may be in a (H, W) image, `PAGE` at a time; the last, which may be empty, has fewer.
 
-    Below SURF's own smallest filter the image is searched enlarged, unless it is a large one.
+    Below the smallest filter the image is searched enlarged, unless it is a large one.
     """
-    scale = min(1.0, np.sqrt(_COPIED_PIXELS / gray.size))
-    copies = [(np.eye(2), 5, 5)]
-    copies += [(np.eye(2) * scale, 5, 5)] if scale < 0.7 else []
-    copies += [(squeeze(angle) * scale, 4, 3) for angle in DIRECTIONS_DEG]
-    is_enlarged = smallest_px < SMALLEST_PX and scale == 1
-    copies += [(np.eye(2) * SMALLEST_PX / smallest_px, 1, 5)] if is_enlarged else []
-    pad = round(_PAD_SHARE * max(gray.shape))
-    padded = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
-    found = map_parallel(lambda copy: _search(gray, np.asarray(padded), pad, smallest_px, *copy), copies)
-    yield from pages(np.concatenate(found), SIDE_OF_SCALE, gray.shape)
+    factor = int(np.ceil(np.sqrt(gray.size / _WHOLE_PIXELS)))
+    if factor > 1:
+        parts = [_reduced(gray, factor), *_in_strips(gray)]
+    else:
+        parts = [blob_rows(gray, THRESHOLD, LEAST_QUOTIENT)]
+        parts += [_enlarged(gray, SMALLEST_PX / smallest_px)] if smallest_px < SMALLEST_PX else []
+    rows = np.concatenate(parts)
+    sides, quotients = SIDE_OF_SCALE * rows[:, 2], rows[:, 5]
+    is_small = sides < _SMALL_PX * smallest_px / SMALLEST_PX
+    is_one = (sides > smallest_px) & (~is_small | (quotients > _LEAST_OF_SMALL))
+    yield from pages(rows[is_one], SIDE_OF_SCALE, gray.shape)
 
 
 def pages(
@@ -114,75 +118,38 @@ def joined(pages: Sequence[MarkerCandidates]) -> MarkerCandidates:
     return MarkerCandidates(*(np.concatenate([getattr(page, f.name) for page in pages]) for f in fields(pages[0])))
 
 
-def squeeze(angle_deg: float) -> NDArray[np.float64]:
-    """Return (2, 2) what stretches by √2 across a direction, shrinks by √2 along it, and leaves rows upright.
-
-    A rotation comes last, so that rows stay rows: a copy then fills three quarters of the room that it would take.
-    """
-    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    rotation = np.array([[c, -s], [s, c]])
-    upright = np.linalg.qr(rotation @ np.diag([np.sqrt(0.5), np.sqrt(2.0)]) @ rotation.T)[1]
-    return np.asarray(np.sign(np.diag(upright))[:, None] * upright)
+def _reduced(gray: NDArray[np.uint8], factor: int) -> NDArray[np.float64]:
+    """Return the blobs of an image's means of factor × factor pixels, in its own pixels."""
+    height, width = (length // factor for length in gray.shape)
+    whole = gray[: height * factor, : width * factor]
+    small = np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return _scaled(blob_rows(small, THRESHOLD, LEAST_QUOTIENT), 1 / factor, 1 / factor)
 
 
-def _search(
-    gray: NDArray[np.uint8],
-    padded: NDArray[np.uint8],
-    pad: int,
-    smallest_px: float,
-    matrix: NDArray[np.float64],
-    octaves: int,
-    layers: int,
-) -> NDArray[np.float64]:
-    """Return (k, 6) x, y, scale, response, sign and quotient of the key points of one copy, in the image's pixels."""
-    height, width = gray.shape
-    copy, shift = _warped(padded, matrix)
-    inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    spans = _spans(copy.shape, inverse, -(inverse @ shift) - pad, (height, width))
-    points = find_interest_points(padded_integral(copy), copy.shape, THRESHOLD, octaves, layers, None, spans)
-    own_scale, response, sign = points[:, [2, 4, 6]].astype(np.float64).T
-    xy = (points[:, :2].astype(np.float64) - shift) @ inverse.T - pad
-    scale = own_scale / np.sqrt(np.abs(np.linalg.det(matrix)))
-    inside = ((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)
-    rows = np.flatnonzero(inside & (SIDE_OF_SCALE * scale > smallest_px))
-    explained = response[rows] / best_response()
-    sizes = np.repeat(own_scale[rows, None], 2, axis=1)
-    variance = box_variance(copy, points[rows, :2], sizes, np.maximum(explained / LEAST_QUOTIENT, 1e-3))
-    quotients = explained / np.maximum(variance, 1e-3)
-    found = np.column_stack([xy[rows], scale[rows], response[rows], sign[rows], quotients])
-    return np.asarray(found[quotients > LEAST_QUOTIENT])
+def _enlarged(gray: NDArray[np.uint8], factor: float) -> NDArray[np.float64]:
+    """Return the smallest blobs of an enlarged image, in the image's own pixels."""
+    height, width = (max(1, round(factor * length)) for length in gray.shape)
+    large = np.asarray(cv2.resize(gray, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+    rows = blob_rows(large, THRESHOLD, LEAST_QUOTIENT, (0,), has_slanted=False)
+    return _scaled(rows, width / gray.shape[1], height / gray.shape[0])
 
 
-def _spans(
-    copy_shape: tuple[int, ...], inverse: NDArray[np.float64], origin: NDArray[np.float64], shape: tuple[int, int]
-) -> NDArray[np.int32]:
-    """Return (h, 2) first column, and one behind the last, that an image of a shape has in each row of its copy.
-
-    A pixel (x, y) of the copy is the image's at `inverse` (x, y) + `origin`; rows without any end before they begin.
-    """
-    at_first_column = np.arange(copy_shape[0])[:, None] * inverse[:, 1] + origin
-    limits = np.array([[-0.5, -0.5], [shape[1] - 0.5, shape[0] - 0.5]])[:, None]
-    with np.errstate(divide="ignore"):
-        crossed = np.sort((limits - at_first_column) / inverse[:, 0], axis=0)
-    first, last = crossed[0].max(axis=1), crossed[1].min(axis=1)
-    spans = np.column_stack([np.floor(first), np.ceil(last) + 1])
-    return np.asarray(np.clip(spans, 0, copy_shape[1]), dtype=np.int32)
+def _scaled(rows: NDArray[np.float64], across: float, down: float) -> NDArray[np.float64]:
+    """Return blobs of an image that was scaled, in the pixels that it had before."""
+    before = rows.copy()
+    before[:, :2] = (rows[:, :2] + 0.5) / [across, down] - 0.5
+    before[:, 2] = rows[:, 2] / np.sqrt(across * down)
+    return before
 
 
-def _warped(image: NDArray[np.uint8], matrix: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """Return the image under a linear map, and the shift that puts all of it into view."""
-    if np.array_equal(matrix, np.eye(2)):
-        return image, np.zeros(2)
-    height, width = image.shape
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
-    moved = corners @ matrix.T
-    low = moved.min(axis=0)
-    size = np.maximum(np.rint(moved.max(axis=0) - low).astype(int), 1)
-    shift = -low - 0.5
-    smooth = cv2.INTER_AREA if np.linalg.det(matrix) < 0.5 else cv2.INTER_LINEAR
-    affine = np.column_stack([matrix, shift])
-    copy = cv2.warpAffine(image, affine, (int(size[0]), int(size[1])), flags=smooth, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(copy), shift
+def _in_strips(gray: NDArray[np.uint8]) -> Iterator[NDArray[np.float64]]:
+    """Yield the square small blobs of strips of a large image."""
+    for top, bottom in bands(gray.shape[0], -(-gray.shape[0] // _STRIP_ROWS)):
+        first = max(0, top - _STRIP_MARGIN)
+        strip = gray[first : bottom + _STRIP_MARGIN]
+        rows = blob_rows(strip, THRESHOLD, LEAST_QUOTIENT, _SMALL_OCTAVES, has_slanted=False)
+        rows[:, 1] += first
+        yield rows[(rows[:, 1] >= top - 0.5) & (rows[:, 1] < bottom - 0.5)]
 
 
 def distinct_rows(rows: NDArray[np.float64], shape: tuple[int, ...], near: float, like: float) -> NDArray[np.int64]:

@@ -2,7 +2,7 @@
 
 ::
 
-    SURF on five copies ─▶ candidates by quotient ─▶ the best by coarse correlation ─▶ screen
+    blobs of five shapes ─▶ candidates by quotient ─▶ the best by coarse correlation ─▶ screen
         ─▶ alignment in any light ─▶ evidence ─▶ boosted trees ─▶ non-maximum suppression ─▶ detections
 """
 

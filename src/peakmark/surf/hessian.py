@@ -26,8 +26,7 @@ BLOCK_COLUMNS = 1024
 """Columns of a block, so that a searched layer's three rows stay in the first cache (`benchmarks/stages.py`)."""
 _find_in_block = function(
     "status find_in_block(const i4[height,stride] integral, const i4[height,stride]? mask, f4 threshold, i8 octave, "
-    "i8 layers, i8 rows, i8 columns, i8 top, i8 bottom, i8 left, i8 right, const i4[span_count,2]? spans, "
-    "f4[room,7] records, i8[1] count)"
+    "i8 layers, i8 rows, i8 columns, i8 top, i8 bottom, i8 left, i8 right, f4[room,7] records, i8[1] count)"
 )
 
 
@@ -53,7 +52,6 @@ def find_interest_points(
     octaves: int,
     layers: int,
     mask_integral: NDArray[np.int32] | None,
-    spans: NDArray[np.int32] | None = None,
 ) -> NDArray[np.float32]:
     """All interest points as (n, 7) records (`RECORD_FIELDS`), in no particular order.
 
@@ -64,26 +62,20 @@ def find_interest_points(
     threshold : a response must be larger, (grey levels)².
     octaves, layers : as in `stages.hessian_responses`.
     mask_integral : the same for the mask as zeros and ones; None accepts every position.
-    spans : (H, 2) first column of each row to be searched, and the one behind the last; others are searched where that
-        is cheaper. None searches all.
     """
     blocks = [block for octave in range(octaves) for block in grid_blocks(shape, octave, layers)]
-    found = map_parallel(lambda block: _search(integral, mask_integral, threshold, block, spans), blocks)
+    found = map_parallel(lambda block: _search(integral, mask_integral, threshold, block), blocks)
     return np.concatenate([np.zeros((0, len(RECORD_FIELDS)), dtype=np.float32), *found])
 
 
 def _search(
-    integral: NDArray[np.int32],
-    mask_integral: NDArray[np.int32] | None,
-    threshold: float,
-    block: Block,
-    spans: NDArray[np.int32] | None,
+    integral: NDArray[np.int32], mask_integral: NDArray[np.int32] | None, threshold: float, block: Block
 ) -> NDArray[np.float32]:
     """Return the records of the maxima in a block; of four grid positions in a square at most one is one of a layer."""
     height, width = block.bottom - block.top, block.right - block.left
     room = block.layers * ((height + 1) // 2) * ((width + 1) // 2)
     records, count = np.empty((room, len(RECORD_FIELDS)), dtype=np.float32), np.empty(1, dtype=np.int64)
-    _find_in_block(integral, mask_integral, threshold, *block, spans, records, count)
+    _find_in_block(integral, mask_integral, threshold, *block, records, count)
     return records[: count[0]].copy()
 
 

@@ -1,12 +1,10 @@
-"""Candidates found again are left out as a look at all pairs would; copies are searched where the image is."""
+"""Candidates found again are left out as a look at all pairs would; large images are searched twice."""
 
-import cv2
 import numpy as np
 import pytest
 
-from peakmark.identification.candidates import DIRECTIONS_DEG, _spans, _warped, distinct_rows, squeeze
-from peakmark.surf.hessian import find_interest_points
-from peakmark.surf.integral import padded_integral
+from peakmark.identification.candidates import SMALLEST_PX, candidate_pages, distinct_rows, joined
+from peakmark.markers.patterns import surf_marker
 
 
 @pytest.mark.parametrize(("count", "height", "width"), [(0, 5, 5), (1, 1, 1), (900, 90, 120), (400, 3, 4000)])
@@ -25,25 +23,30 @@ def test_distinct_rows_are_those_of_a_look_at_all_pairs(count: int, height: int,
     assert distinct_rows(rows, (height, width), closer, ratio).tolist() == expected
 
 
-@pytest.mark.parametrize("angle_deg", [None, *DIRECTIONS_DEG])
-@pytest.mark.parametrize(("height", "width"), [(90, 150), (333, 40), (130, 131)])
-def test_what_lies_outside_the_image_is_not_searched_and_what_lies_inside_is(
-    angle_deg: float | None, height: int, width: int
-) -> None:
-    gray = np.random.default_rng(height).integers(0, 256, (height // 3 + 1, width // 3 + 1), dtype=np.uint8)
-    gray = cv2.resize(gray, (width, height), interpolation=cv2.INTER_CUBIC)
-    pad = 11
-    padded = cv2.copyMakeBorder(gray, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
-    matrix = np.eye(2) if angle_deg is None else squeeze(angle_deg)
-    copy, shift = _warped(padded, matrix)
-    inverse = np.linalg.inv(matrix)
-    spans = _spans(copy.shape, inverse, -(inverse @ shift) - pad, gray.shape)
-    everywhere, narrowed = (
-        find_interest_points(padded_integral(copy), copy.shape, 100.0, 3, 3, None, each) for each in (None, spans)
-    )
-    xy = (everywhere[:, :2] - shift) @ inverse.T - pad
-    inside = everywhere[((xy > -0.5) & (xy < np.array([width, height]) - 0.5)).all(axis=1)]
-    assert 20 < len(inside) <= len(everywhere)
-    assert {tuple(row) for row in inside.tolist()} <= {tuple(row) for row in narrowed.tolist()}
-    if angle_deg in (45.0, 135.0) and height > 100:
-        assert len(narrowed) < len(everywhere)
+@pytest.mark.parametrize(("height", "width"), [(1200, 2200), (1700, 1500)])
+def test_large_images_are_searched_in_their_own_pixels_and_reduced(height: int, width: int) -> None:
+    gray = np.full((height, width), 150, np.uint8)
+    rng = np.random.default_rng(height)
+    wanted = []
+    for k, side in enumerate([16, 24, 33, 51, 90, 180, 333] * 2):
+        marker = np.pad(surf_marker(side, "light" if k % 2 else "dark"), side // 9 + 1, constant_values=255)
+        top = (k // 7) * height // 2 + int(rng.integers(height // 2 - len(marker)))
+        left = (k % 7) * width // 7 + int(rng.integers(width // 7 - len(marker) + 1) if len(marker) < width // 7 else 0)
+        part = gray[top : top + len(marker), left : left + len(marker)]
+        part[:] = marker[: part.shape[0], : part.shape[1]]
+        if part.shape == marker.shape and len(marker) < width // 7:
+            wanted.append((left + (len(marker) - 1) / 2, top + (len(marker) - 1) / 2, side, -1 if k % 2 else 1))
+    found = joined(list(candidate_pages(gray)))
+    assert len(wanted) > 8
+    for x, y, side, sign in wanted:
+        gaps = np.linalg.norm(found.xy - [x, y], axis=1)
+        rows = np.flatnonzero((gaps < 0.1 * side) & (found.signs == sign))
+        assert np.abs(np.log(found.sides_px[rows] / side)).min(initial=9) < np.log(1.3)
+
+
+def test_small_blobs_are_found_in_the_enlarged_image() -> None:
+    gray = np.full((90, 120), 200, np.uint8)
+    gray[40:48, 60:68] = surf_marker(72).reshape(8, 9, 8, 9).mean(axis=(1, 3))
+    usual, smaller = (joined(list(candidate_pages(gray, side))) for side in (SMALLEST_PX, 6.0))
+    assert not (np.linalg.norm(usual.xy - [63.5, 43.5], axis=1) < 0.5).any()
+    assert (np.linalg.norm(smaller.xy - [63.5, 43.5], axis=1) < 0.5).any()
