@@ -1,7 +1,7 @@
 """Every example in the documentation runs: the blocks of each page in their order, in a folder of their own.
 
-Blocks of `python` share their names, as a reader's session would; blocks of `sh` are run command by command. What
-would take minutes is made smaller by options that `--help` lists (`tests/documents.py`).
+Blocks of `python` share their names, as a reader's session would; blocks of `sh` are run command by command, the quick
+ones in this process. What would take minutes is made smaller by options that `--help` lists (`tests/documents.py`).
 """
 
 import re

@@ -12,7 +12,7 @@ import pytest
 
 from peakmark.errors import InputError
 from peakmark.regress.detector_process import command_of, open_process
-from peakmark.regress.detector_protocol import DetectorFailure
+from peakmark.regress.detector_protocol import DetectorFailure, Found
 from tests.peaksim.corpus.helpers import child_environment
 
 SPOT = np.full((40, 60), 20, np.uint8)
@@ -42,9 +42,14 @@ def test_a_users_function_of_detections() -> None:
     assert (detection.signature_distance, detection.rank) == (0.25, 3)
 
 
-@pytest.mark.parametrize(
-    ("function", "positions", "laplacian"),
-    [
+def in_turn(functions: tuple[str, ...]) -> list[Found]:
+    """Return what functions find in one image, all in one process."""
+    with open_process("tests.user_detectors:in_turn", {"functions": functions}, 10, 30) as detect:
+        return [detect(SPOT) for _ in functions]
+
+
+def test_every_kind_of_key_points_is_taken() -> None:
+    kinds = (
         ("array_of_points", [[33, 11]], [0]),
         ("no_points", [], []),
         ("list_of_pairs", [[33, 11], [3, 4]], [0, 0]),
@@ -52,23 +57,19 @@ def test_a_users_function_of_detections() -> None:
         ("described", [[33, 11]], [0]),
         ("as_opencvs_surf", [[1, 2], [3, 4]], [1, -1]),
         ("our_key_points", [[33, 11]], [-1]),
-    ],
-)
-def test_every_kind_of_key_points_is_taken(function: str, positions: list[list[float]], laplacian: list[int]) -> None:
-    with open_process(f"tests.user_detectors:{function}", {}, 10, 30) as detect:
-        found = detect(SPOT)
-    assert found.detections is None
-    assert found.features.xy.tolist() == positions
-    assert found.features.laplacian.tolist() == laplacian
+    )
+    functions, *expected = zip(*kinds, strict=True)
+    found = in_turn(functions)
+    assert [each.detections for each in found] == [None] * len(kinds)
+    assert [each.features.xy.tolist() for each in found] == list(expected[0])
+    assert [each.features.laplacian.tolist() for each in found] == list(expected[1])
 
 
-@pytest.mark.parametrize(
-    ("function", "polarity"), [("detection_list", "light"), ("of_numpys_numbers", "light"), ("without_polarity", None)]
-)
-def test_every_kind_of_detections_is_taken(function: str, polarity: str | None) -> None:
-    with open_process(f"tests.user_detectors:{function}", {}, 10, 30) as detect:
-        (found,) = detect(SPOT).detections or ()
-    assert (found.xy.tolist(), found.polarity) == ([33, 11], polarity)
+def test_every_kind_of_detections_is_taken() -> None:
+    kinds = {"detection_list": "light", "of_numpys_numbers": "light", "without_polarity": None}
+    for each, polarity in zip(in_turn(tuple(kinds)), kinds.values(), strict=True):
+        (found,) = each.detections or ()
+        assert (found.xy.tolist(), found.polarity) == ([33, 11], polarity)
 
 
 def test_opencvs_features_tell_no_polarity_by_their_numbers() -> None:
@@ -152,10 +153,8 @@ def test_what_cannot_be_started_is_one_line(name: str, words: str) -> None:
 
 PROGRAM = """
 import json, sys, time
-from PIL import Image
 for line in sys.stdin:
     asked = json.loads(line)
-    assert Image.open(asked["image"]).size == (asked["width"], asked["height"])
     answer = {"frame": asked["frame"], "detections": [{"x": 3, "y": 4.5}]}
     {FAULT}
     print(json.dumps(answer), flush=True)
@@ -170,7 +169,8 @@ def program(folder: Path, fault: str = "pass") -> str:
 
 
 def test_a_program_answers_in_json_lines(tmp_path: Path) -> None:
-    with open_process(program(tmp_path), {}, 10, 30) as detect:
+    sees = "from PIL import Image; assert Image.open(asked['image']).size == (asked['width'], asked['height'])"
+    with open_process(program(tmp_path, sees), {}, 10, 30) as detect:
         for _ in range(2):
             (detection,) = detect(SPOT).detections or ()
             assert (*detection.xy, detection.polarity) == (3, 4.5, None)
