@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from peaksim import traced
+from peaksim.area.faces import count_faces
 from peaksim.area.integrate import integrate
 from peaksim.area.light_map import LightMaps
 from peaksim.camera.camera import Camera, resized
@@ -31,6 +32,8 @@ from peaksim.truth.surfaces import surfaces, surfaces_at
 Renderer = Literal["auto", "exact", "gl", "pyrender", "traced"]
 DrawnBy = Literal["exact", "gl", "pyrender", "traced"]
 
+MOST_FACES_EXACT = 1000
+"""Most faces that "auto" leaves to "exact"; set by hand, from `benchmarks/renderer_choice.py`."""
 MOST_MOMENTS = 256
 """Most sharp images that a motion blur is averaged from."""
 _PREVIEW_PX, _PREVIEW_SAMPLES = 32, 16
@@ -60,9 +63,9 @@ def render(
         (4, 4) pose; or a trajectory, along which the camera moves while its rows are exposed one after another
         (`row_time_s`) and each over some time (`exposure_s`).
     renderer
-        "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes GL where a context opens and GL
-        can draw this; "pyrender" leaves textures to OpenGL too, unlit; "traced" follows light over area lamps, sky,
-        gloss and lens with Mitsuba 3, and is noisy.
+        "exact" needs no GL; "gl" finds what is visible with pyrender; "auto" takes the quicker one, see
+        `choose_renderer`; "pyrender" leaves textures to OpenGL too, unlit; "traced" follows light over area lamps,
+        sky, gloss and lens with Mitsuba 3, and is noisy.
     time_s
         Mid-exposure of the middle row on the trajectory; kept in the frame.
     samples
@@ -83,7 +86,7 @@ def render(
     posed = _posed_camera(camera, world_from_camera, time_s)
     if renderer not in get_args(Renderer):
         raise SceneError(f'renderer: expected "auto", "exact", "gl", "pyrender" or "traced", got {renderer!r}')
-    chosen = choose_renderer(posed, renderer)
+    chosen = choose_renderer(scene, posed, renderer)
     if chosen == "traced":
         linear, gl_renderer = traced.integrate(scene, posed, samples, seed, max_depth), None
     else:
@@ -123,8 +126,10 @@ def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, tim
     return still_camera(camera, world_from_camera)
 
 
-def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:
-    """Return the renderer to use; "auto" takes GL where a context opens and GL can draw this.
+def choose_renderer(scene: Scene, posed: PosedCamera, renderer: Renderer) -> DrawnBy:
+    """Return the renderer to use.
+
+    "auto" is "exact" for scenes of up to `MOST_FACES_EXACT` faces, else "gl" where OpenGL opens and can draw this.
 
     Raises
     ------
@@ -137,7 +142,7 @@ def choose_renderer(posed: PosedCamera, renderer: Renderer) -> DrawnBy:
         if posed.is_rolling:
             raise SceneError(f'renderer: expected "exact" or "auto" for a rolling shutter, got "{renderer}"')
         return renderer
-    if posed.is_rolling:
+    if posed.is_rolling or count_faces(scene) <= MOST_FACES_EXACT:
         return "exact"
     reason = why_not()
     if reason is None:

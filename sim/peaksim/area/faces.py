@@ -99,6 +99,11 @@ def panel_counts(quads: tuple[Quad, ...]) -> NDArray[np.int64]:
     return np.array([len(quad.panels_m) for quad in quads], dtype=np.int64)
 
 
+def count_faces(scene: Scene) -> int:
+    """Return how many faces a scene has: panels and triangles."""
+    return int(panel_counts(scene.quads).sum()) + sum(len(mesh.faces) for mesh in scene.meshes)
+
+
 def _prints(quads: tuple[Quad, ...], meshes: tuple[Mesh, ...]) -> tuple[Print, ...]:
     """Return every texture with its material, once."""
     of_meshes = [(t, mesh.material) for mesh in meshes if mesh.skin is not None for t in mesh.skin.textures]

@@ -6,13 +6,14 @@ from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
+from peaksim.area.faces import count_faces
 from peaksim.camera.camera import resized
 from peaksim.corpus import layout
 from peaksim.corpus.backends import Backend, in_process
 from peaksim.corpus.calibration import opencv_yaml
 from peaksim.corpus.check_spec import check_spec
 from peaksim.corpus.configuration import Configuration, claim_store, make_configuration, manifest_values, to_json
-from peaksim.corpus.plan import corpus_cameras, plan_frame
+from peaksim.corpus.plan import corpus_cameras, first_frames, plan_frame
 from peaksim.corpus.spec import CorpusSpec, spec_from_json, spec_to_json
 from peaksim.corpus.store.base import Store, write_file
 from peaksim.corpus.store.opening import open_store
@@ -94,9 +95,11 @@ def _probe(spec: CorpusSpec, folder: Path, backend: Backend) -> tuple[str, str |
     return found
 
 
-def probe_renderer(spec_json: str, folder: str, frame: int) -> tuple[str, str | None]:
-    """Return renderer and OpenGL's renderer string, found by drawing a tiny frame."""
-    plan = plan_frame(spec := spec_from_json(spec_json), Path(folder), frame)
+def probe_renderer(spec_json: str, folder: str, _: int) -> tuple[str, str | None]:
+    """Return renderer and OpenGL's renderer string, found by drawing a tiny frame of the scene with most faces."""
+    spec = spec_from_json(spec_json)
+    plans = (plan_frame(spec, Path(folder), index) for index in first_frames(spec))
+    plan = max(plans, key=lambda plan: count_faces(plan.scene))
     small = resized(plan.camera, _PROBE_PX / plan.camera.width)
     drawn = render(plan.scene, small, plan.world_from_camera, renderer=spec.renderer, bake=plan.bake)
     return drawn.renderer, drawn.gl_renderer

@@ -33,6 +33,7 @@ from peaksim.scene.schema import RoomTable, SceneTable
 from peaksim.shipped import path_inside
 from peaksim.traced import SAMPLES
 
+_SEQUENCES_LOOKED_AT = 1000
 MOST_ATTEMPTS = 1000
 """Views drawn for one frame before the specification is called contradictory. `check_spec` allows a tenth, so that a
 specification that passed it fails in no frame of a large corpus."""
@@ -215,7 +216,7 @@ def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
         One line that names the sequence's scene and the field.
     """
     draws = sequence_draws(spec.seed, number)
-    choice = draws.index("scene", tuple(scene.weight for scene in spec.scenes))
+    choice = _scene_number(spec, draws)
     file = spec.scenes[choice].file
     table, beside = read_scene(file, folder)
     try:
@@ -225,6 +226,19 @@ def open_sequence(spec: CorpusSpec, folder: Path, number: int) -> Sequence:
     view = spec.views[draws.index("view", tuple(view.weight for view in spec.views))]
     camera = _camera(spec, folder, draws, choice)
     return Sequence(number, file, setup, table.room, camera, view, _trajectory(view, setup, folder))
+
+
+def first_frames(spec: CorpusSpec) -> list[int]:
+    """Return the first frame that shows each scene that comes among the first sequences; frame 0 if there are none."""
+    if not spec.scenes:
+        return [0]
+    numbers = range(min(spec.sequences, _SEQUENCES_LOOKED_AT))
+    scenes = [_scene_number(spec, sequence_draws(spec.seed, number)) for number in numbers]
+    return [scenes.index(scene) * spec.sequence_frames for scene in sorted(set(scenes))]
+
+
+def _scene_number(spec: CorpusSpec, draws: Draws) -> int:
+    return draws.index("scene", tuple(scene.weight for scene in spec.scenes))
 
 
 def read_scene(file: str, folder: Path) -> tuple[SceneTable, Path]:

@@ -41,8 +41,6 @@ class Drawing:
         world_from_camera: ArrayLike | Trajectory,
         time_s: float,
         seeds: Sequence[int],
-        renderer: Renderer | None = None,
     ) -> Frame:
-        """Return a frame before the sensor, see `peaksim.rendering.render`; `renderer` replaces the configured one."""
-        chosen = self.renderer if renderer is None else renderer
-        return render(scene, camera, world_from_camera, chosen, time_s, self.samples, seeds, bake=self.bake)
+        """Return a frame before the sensor, see `peaksim.rendering.render`."""
+        return render(scene, camera, world_from_camera, self.renderer, time_s, self.samples, seeds, bake=self.bake)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from peaksim.camera import sensor_named
-from peaksim.corpus.plan import corpus_cameras, open_sequence, plan_frame
+from peaksim.corpus.plan import corpus_cameras, first_frames, open_sequence, plan_frame
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import look_at
 from peaksim.geometry.trajectory import Trajectory
@@ -138,3 +138,13 @@ def test_later_fields_that_nobody_states_leave_the_hash_of_a_suite(folder: Path)
     later = {"presets", "tone", "mosaic", "hot_pixels", "hot_seed", "auto_exposure", "sharpening", "sharpening_px"}
     assert not later & set(tiny_spec().model_dump()["sensor"])
     assert later & set(tiny_spec(sensor={"tone": ["srgb"]}).model_dump()["sensor"]) == {"tone"}
+
+
+def test_first_frames_show_each_scene_that_comes_once(folder: Path) -> None:
+    scenes = [{"file": "tiny.toml"}, {"file": "never.toml", "weight": 0}, {"file": "rare.toml", "weight": 0.3}]
+    spec = tiny_spec(scenes=scenes, frames=4000)
+    (folder / "rare.toml").write_text((folder / "tiny.toml").read_text())
+    firsts = first_frames(spec)
+    assert [plan_frame(spec, folder, first).sequence.scene_file for first in firsts] == ["tiny.toml", "rare.toml"]
+    earlier = range(0, max(firsts), spec.sequence_frames)
+    assert {plan_frame(spec, folder, index).sequence.scene_file for index in earlier} <= {"tiny.toml"}

@@ -17,6 +17,7 @@ from peaksim.area.integrate import integrate
 from peaksim.errors import RendererError, SceneError
 from peaksim.geometry.pose import compose, look_at, rotation_about
 from peaksim.gl import integrate as render_gl
+from peaksim.rendering import MOST_FACES_EXACT
 
 from tests.helpers import needs_gl
 from tests.peaksim.area.area_reference import area_integral
@@ -162,11 +163,17 @@ def test_a_scene_of_nothing_is_background() -> None:
     assert (render_gl.integrate(Scene(background=77.0), CAMERA, POSE) == 77).all()
 
 
-def test_auto_takes_the_exact_renderer_for_what_opengl_cannot_draw() -> None:
+def test_auto_takes_opengl_for_many_faces_that_it_can_draw() -> None:
     rolling = replace(CAMERA, row_time_s=1e-4)
+    sail = np.array([[-0.3, 2.0, 0.5], [0.3, 2.0, 0.5], [0.0, 2.2, 1.1]])
+    few, many = (
+        Scene(chequered_floor().quads, (Mesh("sail", sail, np.tile([[0, 1, 2]], (n, 1))),))
+        for n in (MOST_FACES_EXACT - 1, MOST_FACES_EXACT)
+    )
     trajectory = Trajectory(np.array([-1.0, 1.0]), np.stack([POSE, POSE @ compose(np.eye(3), [0.1, 0, 0])]))
-    assert render(chequered_floor(), rolling, trajectory).renderer == "exact"
-    assert render(chequered_floor(), CAMERA, POSE).renderer == "gl"
+    assert render(few, CAMERA, POSE).renderer == "exact"
+    assert render(many, CAMERA, POSE).renderer == "gl"
+    assert render(many, rolling, trajectory).renderer == "exact"
     with pytest.raises(SceneError, match='expected "exact" or "auto" for a rolling shutter, got "gl"'):
         render(chequered_floor(), rolling, trajectory, renderer="gl")
 

@@ -36,8 +36,9 @@ def test_egl_and_osmesa_draw_the_same_and_import_no_window_toolkit() -> None:
 def test_auto_says_why_opengl_does_not_open() -> None:
     code = """
 import numpy as np
-from peaksim import Camera, Scene, render
-print(render(Scene(()), Camera(8, 8, 9.0, 9.0, 3.5, 3.5), np.eye(4)).renderer)
+from peaksim import Camera, Mesh, Scene, render
+mesh = Mesh("much", np.eye(3), [[0, 1, 2]] * 1001)
+print(render(Scene((), (mesh,)), Camera(8, 8, 9.0, 9.0, 3.5, 3.5), np.eye(4)).renderer)
 """
     paths = os.pathsep.join([SOURCES, str(ROOT)])
     environment = {**os.environ, "PYTHONPATH": paths, "PYOPENGL_PLATFORM": "none-such"}

@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 from peaksim.camera.frame import Frame
 from peaksim.camera.sensor import apply_sensor
-from peaksim.rendering import Renderer
 from peaksim.scene.file import Setup, load_scene
 from peaksim.scene.scene import Scene
 
@@ -39,8 +38,6 @@ class CaveConfig(SceneImagesConfig):
     version-independent signature, then upright clusters."""
     marker: Made = field(default="surf", kw_only=True)
     """Markers on the walls, and the detector that finds them."""
-    renderer: Renderer = field(default="exact", kw_only=True)
-    """"exact" is several times faster than OpenGL without a GPU here; "gl", "pyrender", "traced" or "auto"."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -19,7 +19,7 @@ from peaksim.scene.ride_file import load_ride, shortened
 from peaksim.scene.scene import Scene
 
 from peakmark.experiments.drawing import Drawing
-from peakmark.experiments.floor.view import FloorView, faster_renderer, score_view
+from peakmark.experiments.floor.view import FloorView, score_view
 from peakmark.experiments.option import check_choice, check_range
 from peakmark.identification.api import STRONGEST, Narrower
 from peakmark.identification.stretch import LARGEST, SMALLEST, Stretch, floor_stretch
@@ -116,8 +116,7 @@ def score_flight_view(index: int, frame: Frame, render_s: float, stretch: Stretc
 
 def render_frame(flight: Flight, index: int) -> Frame:
     """Return one frame after the sensor; its truth is that of mid-exposure."""
-    time_s, scene = float(flight.times_s[index]), flight.setup.scene
-    renderer = faster_renderer(flight.config.renderer, scene)
+    time_s = float(flight.times_s[index])
     config, ride, seeds = flight.config, flight.ride, (flight.config.seed, index)
-    frame = config.frame(scene, ride.camera, ride.trajectory, time_s, seeds, renderer)
+    frame = config.frame(flight.setup.scene, ride.camera, ride.trajectory, time_s, seeds)
     return apply_sensor(frame, ride.sensor_at(time_s), np.random.default_rng(seeds))

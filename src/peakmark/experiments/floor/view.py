@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peaksim.camera.frame import Frame
-from peaksim.rendering import Renderer
-from peaksim.scene.scene import Scene
 
 from peakmark.identification.api import Narrower, detect_stretched, identify_features
 from peakmark.identification.detection import Identification
@@ -115,8 +113,3 @@ def score_view(
         "score": perf_counter() - identified,
     }
     return FloorView(index, frame, found, score, seconds, made_for)
-
-
-def faster_renderer(renderer: Renderer, scene: Scene) -> Renderer:
-    """Return the exact renderer for "auto" where there is no furniture: it is faster there than OpenGL on a CPU."""
-    return "exact" if renderer == "auto" and not scene.meshes else renderer

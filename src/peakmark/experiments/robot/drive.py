@@ -22,7 +22,7 @@ from peakmark.errors import InputError
 from peakmark.experiments.drawing import Drawing
 from peakmark.experiments.floor.flight import score_flight_view
 from peakmark.experiments.floor.flight_records import FrameRecord, record_of
-from peakmark.experiments.floor.view import FloorView, faster_renderer
+from peakmark.experiments.floor.view import FloorView
 from peakmark.experiments.option import check_range
 from peakmark.experiments.robot.robot import (
     NOISE_S,
@@ -210,10 +210,10 @@ def moved(
 def render_view(config: DriveConfig, drive_path: DrivePath, state: State, index: int) -> FloorView:
     """Render and score what the robot's camera sees."""
     begin = perf_counter()
-    scene, time_s = drive_path.setup.scene, index / config.frames_per_second
+    time_s = index / config.frames_per_second
     pose = robot_camera_pose(config.robot, state, config.mount)
-    renderer, seeds = faster_renderer(config.renderer, scene), (config.seed, drive_path.number, index)
-    frame = config.frame(scene, config.camera, pose, time_s, seeds, renderer)
+    seeds = config.seed, drive_path.number, index
+    frame = config.frame(drive_path.setup.scene, config.camera, pose, time_s, seeds)
     frame = apply_sensor(
         frame, drive_path.setup.sensor, np.random.default_rng((config.seed, drive_path.number, 2, index))
     )
