@@ -10,6 +10,7 @@
 #pragma GCC diagnostic ignored "-Wpsabi" /* lanes are passed between inlined functions only */
 
 typedef double double4 __attribute__((vector_size(32)));
+typedef float float4 __attribute__((vector_size(16)));
 typedef float float8 __attribute__((vector_size(32)));
 typedef int32_t lanes8 __attribute__((vector_size(32))); /* all bits of a lane are set where a comparison holds */
 
@@ -74,7 +75,10 @@ static inline float8 exp8(float8 x) {
 static inline double sum4(double4 lanes) { return (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]); }
 
 static inline float sum8(float8 lanes) {
-    return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+    float4 half, other;
+    memcpy(&half, &lanes, sizeof half), memcpy(&other, (const char *)&lanes + sizeof half, sizeof other);
+    half += other;
+    return (half[0] + half[2]) + (half[1] + half[3]);
 }
 
 #endif

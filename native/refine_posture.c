@@ -28,43 +28,6 @@ static void write_posture(const posture *own, const surroundings *around, double
     for (int k = 0; k < 4; k++) at[2 + k] = block * own->shape[k];
 }
 
-/* The best correlation of one candidate over shapes, then over shifts of its centre. */
-static posture best_posture(const coarse *search, const surroundings *around, const double *xy, double side,
-                            const double *shifts, int64_t shift_count) {
-    const double at[6] = {xy[0], xy[1]};
-    double size = side / (double)around->block, score;
-    posture start = in_blocks(at, around), best = start;
-    int64_t shape = best_shape(search, around->soft, start.center, size, 0, search->shape_count, &best.score);
-    for (int k = 0; k < 4; k++) best.shape[k] = size * search->shapes[4 * shape + k];
-    for (int64_t j = 0; j < shift_count; j++) {
-        const double shifted[2] = {start.center[0] + shifts[2 * j] * size, start.center[1] + shifts[2 * j + 1] * size};
-        best_shape(search, around->soft, shifted, size, shape, 1, &score);
-        if (score > best.score) best.center[0] = shifted[0], best.center[1] = shifted[1], best.score = score;
-    }
-    return best;
-}
-
-EXPORT status correlate_candidates(const uint8_t *gray, int64_t height, int64_t width, const double *xy, int64_t n,
-                                   const double *sides, const double *samples, int64_t sample_count,
-                                   const double *expected, const double *shapes, int64_t shape_count,
-                                   const double *shifts, int64_t shift_count, double *found, double *postures) {
-    coarse search;
-    status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, true);
-    for (int64_t i = 0; i < n && state == DONE; i++) {
-        memory taken = {.count = 0};
-        surroundings around;
-        posture best = {.score = 0};
-        state = set_surroundings(&around, gray, height, width, xy + 2 * i, sides[i], CORRELATED_SIDE, false, &taken);
-        bool is_tried = state == DONE && !is_too_small(&around);
-        if (is_tried) best = best_posture(&search, &around, xy + 2 * i, sides[i], shifts, shift_count);
-        found[i] = best.score;
-        memset(postures + 6 * i, 0, 6 * sizeof *postures);
-        if (is_tried) write_posture(&best, &around, postures + 6 * i);
-        give_back(&taken);
-    }
-    return state;
-}
-
 enum { POSTURE_STEPS = 4 };
 static const double LONGEST_SHIFT = 0.1, LONGEST_STRETCH = 0.25;
 

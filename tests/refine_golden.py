@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from skimage import data
 
 from peakmark.identification.alignment import _SHIFTS, lit_pattern, lit_template
+from peakmark.identification.correlation import correlate_candidates
 from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
 from peakmark.refine.lit import lit_residuals
 from peakmark.refine.model import Pattern, predict, residuals
-from peakmark.refine.posture import correlate_candidates
 from tests.places import GOLDEN
 
 PATH = GOLDEN / "native" / "refine.npz"
@@ -72,7 +72,7 @@ def _aligned(views: Views) -> dict[str, NDArray[np.float64]]:
 
 def _correlated(views: Views) -> dict[str, NDArray[np.float64]]:
     scores, _ = correlate_candidates(
-        views.image, views.xy, views.sides_px, *lit_template(Variant("dark")), shape_grid(), _SHIFTS
+        views.image, views.xy, views.sides_px, *lit_template(Variant("dark")), shape_grid(), _SHIFTS, hopeless=-1.0
     )
     return {"correlation": scores}
 

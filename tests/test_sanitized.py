@@ -23,6 +23,7 @@ FILES = (
     "tests/peakmark/surf/test_orientation.py",
     "tests/peakmark/identification/test_blobs.py",
     "tests/peakmark/identification/test_candidates.py",
+    "tests/peakmark/identification/test_correlation.py",
     "tests/peakmark/identification/test_evidence.py",
     "tests/peakmark/identification/test_screening.py",
     "tests/peakmark/identification/test_suppression.py",

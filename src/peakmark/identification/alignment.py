@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.native import function
 
+from peakmark.identification.correlation import correlate_candidates
 from peakmark.identification.detection import FitSpread
 from peakmark.markers.patterns import Made, Variant, surf_cells
 from peakmark.markers.profile import MOST_RADII, RADII, sift_profile
@@ -17,7 +18,6 @@ from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
 from peakmark.refine.lit import PARAMETERS, finish_in_light
 from peakmark.refine.model import Pattern, predict
-from peakmark.refine.posture import correlate_candidates
 from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
 
 HOPELESS: Mapping[Made, float] = {"surf": 0.05, "sift": 0.02}

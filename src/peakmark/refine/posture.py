@@ -1,4 +1,4 @@
-"""Where a pattern may lie, told by correlation alone: the best of many shapes, then a few steps of coarse alignment.
+"""Where a pattern may lie, told by correlation alone: a few steps of coarse alignment.
 
 Block means in which the pattern has 12 px a side and more are softened, and a plane of light is taken out.
 """
@@ -9,36 +9,11 @@ from peaksim.native import function
 
 Values = NDArray[np.float64]
 
-_COARSE = "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[shape_count,2,2] shapes"
-
-_correlate_candidates = function(
-    f"status correlate_candidates(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, {_COARSE}, "
-    "const f8[shift_count,2] shifts, f8[n] found, f8[n,6] postures)"
-)
 _view_candidates = function(
     "status view_candidates(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, "
     "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[6,sample_count] slopes, "
     "const f8[view_count,2] viewed, f8[n,6] postures, f8[n] found, f4[n,view_count] views)"
 )
-
-
-def correlate_candidates(
-    gray: NDArray[np.uint8],
-    xy: Values,
-    sides: Values,
-    samples: Values,
-    template: Values,
-    shapes: Values,
-    shifts: Values,
-) -> tuple[Values, Values]:
-    """Return (n,) the best correlation of each candidate over shapes, then over shifts of its centre in sides.
-
-    A plane over the samples is taken out of the image first, so that a ramp of light costs nothing. Returned, too, is
-    the posture (n, 6) of each: the centre that correlates best, px, and the shape (2, 2) in px a side, by rows.
-    """
-    found, postures = np.empty(len(xy)), np.empty((len(xy), 6))
-    _correlate_candidates(gray, xy, sides, samples, template, shapes, shifts, found, postures)
-    return found, postures
 
 
 def view_candidates(
@@ -55,7 +30,7 @@ def view_candidates(
 
     A view has the levels of the softened image at the points `viewed` (m, 2), sides from the centre. `slopes` (6, k)
     say how levels at the samples, over their product with the template, tell the offset of the pattern: its shift and
-    the (2, 2) matrix, by rows, that adds to its points. See `correlate_candidates`.
+    the (2, 2) matrix, by rows, that adds to its points. See `identification.correlation`.
     """
     better, found = np.array(postures, dtype=np.float64), np.empty(len(xy))
     views = np.empty((len(xy), len(viewed)), np.float32)

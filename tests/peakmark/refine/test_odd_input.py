@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from peakmark.identification.alignment import _KNOTS, _SHIFTS, lit_pattern, lit_template, measure_alignment
+from peakmark.identification.correlation import correlate_candidates
 from peakmark.identification.screening import VIEWED, slopes_of
 from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
 from peakmark.refine.lit import align_in_light, finish_in_light, lit_residuals
-from peakmark.refine.posture import correlate_candidates, view_candidates
+from peakmark.refine.posture import view_candidates
 
 ODD = np.array([-np.inf, -1e300, -1e6, -40.0, -0.5, 0.0, 1e-300, 3.2, 17.0, 1e6, 1e300, np.inf, np.nan])
 
