@@ -87,7 +87,7 @@ typedef struct {
     uint32_t *halves;
     int64_t half; /* length of half a row of these */
     filter filters[MOST_FILTERS];
-    int64_t families, layers; /* the first and the last layer of a family are only compared with */
+    int64_t families, layers; /* of a family's layers the first and the last are only compared with, the last but one only climbed to */
     int64_t top, bottom, left, right; /* grid positions, half-open; lattice positions are twice as large */
     float *ring, *highest;
     int32_t *scratch;
@@ -338,7 +338,7 @@ static void settle_row(blobs *s, const filter *family, const float *ring, const 
     int64_t width = s->right - s->left, n = width - 2;
     const float *values = ring + (3 * layer + i % 3) * width + 1;
     const float *here = highest + layer * width + 1;
-    const float *below = layer > 1 ? here - width : here, *above = layer < s->layers - 2 ? here + width : here;
+    const float *below = layer > 1 ? here - width : here, *above = layer < s->layers - 3 ? here + width : here;
     flag_maxima(values, below, here, above, (float)(s->threshold * EARLY), s->flags, n);
     memset(s->flags + n, 0, 8);
     for (int64_t k = 0; k < n; k += 8) {
@@ -356,13 +356,13 @@ static void search_rows(blobs *s) {
         for (int64_t k = 0; k < s->families; k++) {
             const filter *family = s->filters + k * s->layers;
             float *own = s->ring + k * ring, *peaks = s->highest + k * highest, *spare = s->highest + s->families * highest;
-            for (int64_t layer = 1; layer < s->layers - 1; layer++) {
+            for (int64_t layer = 1; layer < s->layers - 2; layer++) {
                 float *rows = own + 3 * layer * width;
                 respond(s, family + layer, i, rows + i % 3 * width);
                 max3(rows, rows + width, rows + 2 * width, spare, width);
                 max3(spare, spare + 1, spare + 2, peaks + layer * width + 1, width - 2);
             }
-            for (int64_t layer = 1; i >= s->top + 2 && layer < s->layers - 1; layer++)
+            for (int64_t layer = 1; i >= s->top + 2 && layer < s->layers - 2; layer++)
                 settle_row(s, family, own, peaks, layer, i - 1);
         }
 }

@@ -32,11 +32,12 @@ _find_blobs = function(
 Thirds = tuple[int, int]
 """A third of a filter's sides, along its first direction and across, in units of its octave."""
 
-ROUND: tuple[Thirds, ...] = tuple((n, n) for n in (3, 4, 5, 6, 8, 10))
-"""Of the first octave, by size, the first and the last only to be compared with; others have it from the second on."""
-WIDE: tuple[Thirds, ...] = tuple((2 * n, n) for n in (2, 3, 4, 5, 6, 8))
+ROUND: tuple[Thirds, ...] = tuple((n, n) for n in (3, 4, 5, 6, 8, 10, 12))
+"""Of the first octave, by size; others have it from the second on. The first and the last are only to be compared with,
+and the one before the last is only climbed to: it is the next octave's first, whose coarser positions may miss it."""
+WIDE: tuple[Thirds, ...] = tuple((2 * n, n) for n in (2, 3, 4, 5, 6, 8, 10))
 """As `ROUND`, of filters twice as long as wide."""
-DIAGONAL: tuple[Thirds, ...] = ((3, 2), (4, 2), (6, 3), (8, 4), (10, 5), (12, 6))
+DIAGONAL: tuple[Thirds, ...] = ((3, 2), (4, 2), (6, 3), (8, 4), (10, 5), (12, 6), (16, 8))
 """As `WIDE`, of tilted ones, whose units are √2 px."""
 
 _PAD_SHARE = 0.05

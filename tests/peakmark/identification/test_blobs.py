@@ -121,6 +121,31 @@ def test_blobs_are_maxima_of_filters_correlated_with_the_image(seed: int) -> Non
     assert is_peak.all()
 
 
+def dotted(side: float, phases: NDArray[np.float64]) -> tuple[NDArray[np.uint8], Levels]:
+    """Return an image of SURF's own pattern of a side, one for each phase (k, 2), and where their middles are."""
+    pitch = round(1.6 * side)
+    middles = np.column_stack([pitch * np.arange(1, len(phases) + 1), np.full(len(phases), pitch)]) + phases
+    pattern = quadratic_optimum(surf_filters(27), surf_form(), "energy").x
+    pattern = (128 + 100 * pattern / np.abs(pattern).max()).astype(np.float32)
+    canvas = np.full((2 * pitch, (len(phases) + 1) * pitch), 128, np.float32)
+    for x, y in middles:
+        scale, from_px = side / len(pattern), -0.5 + 0.5 * side / len(pattern)
+        matrix = np.array([[scale, 0, x - side / 2 + from_px], [0, scale, y - side / 2 + from_px]])
+        cv2.warpAffine(pattern, matrix, canvas.shape[::-1], canvas, cv2.INTER_AREA, cv2.BORDER_TRANSPARENT)
+    return np.rint(canvas).astype(np.uint8), middles
+
+
+@pytest.mark.parametrize(
+    "side", [14.5, 17, 20, 23.5, 26, 28, 29.5, 31, 32.5, 36, 42, 47.5, 54, 58, 61, 64, 72, 95.5, 118]
+)
+def test_no_size_falls_between_two_octaves(side: float) -> None:
+    phases = np.random.default_rng(int(side)).uniform(-4, 4, (12, 2))
+    gray, middles = dotted(side, phases)
+    rows = blob_rows(gray, 300.0, 0.6)
+    gaps = np.linalg.norm(middles[:, None] - rows[:, :2], axis=2)
+    assert gaps.min(axis=1).max() < 0.1 * side
+
+
 @pytest.mark.parametrize("thirds", [*ROUND, *WIDE, *DIAGONAL])
 def test_filters_answer_neither_to_a_level_nor_to_a_slope(thirds: Thirds) -> None:
     filters = box_filters(*thirds)
