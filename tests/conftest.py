@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of processes would compile our files each time
+sys.dont_write_bytecode = False
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait by spinning, which beside others takes minutes
 
 import pytest

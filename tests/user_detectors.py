@@ -158,7 +158,7 @@ def stubborn(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
         subprocess.Popen([sys.executable, "-c", STUBBORN], start_new_session=is_apart)
     Path(os.environ["PEAKMARK_TEST_READY"]).touch()
     while True:
-        pass
+        time.sleep(60)
 
 
 def hangs(gray: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
