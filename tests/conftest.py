@@ -5,8 +5,6 @@ import signal
 import subprocess
 import sys
 
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of processes would compile our files each time
-sys.dont_write_bytecode = False
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait by spinning, which beside others takes minutes
 
 import pytest
@@ -14,6 +12,10 @@ from hypothesis import is_hypothesis_test, settings
 from hypothesis.internal.conjecture import providers
 
 from tests.places import ROOT
+
+# hundreds of processes would compile our files each time
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # examples come from a fixed seed, so that a run can be repeated; first calls import and compile, so no deadline
 settings.register_profile("peakmark", deadline=None, derandomize=True, max_examples=50)

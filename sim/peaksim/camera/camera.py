@@ -5,6 +5,7 @@ Distortion is OpenCV's: "brown" with (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2,
 (k1, k2, k3, k4).
 """
 
+import math
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -121,6 +122,11 @@ class Camera:
     def matrix(self) -> NDArray[np.float64]:
         """(3, 3) OpenCV camera matrix."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]], dtype=np.float64)
+
+    @property
+    def focal_px(self) -> float | None:
+        """Mean focal length; None of a fisheye, whose scale is no pinhole's away from its middle."""
+        return math.sqrt(self.fx * self.fy) if self.model == "brown" else None
 
     @property
     def is_pinhole(self) -> bool:

@@ -132,15 +132,15 @@ def _fail(each: SourceImage | FailedFile, outcome: object, on_failure: OnFailure
 def _identified(each: SourceImage, sought: Sought, locator: Locator | None) -> Identified:
     camera = None if locator is None else locator.camera_of(each)
     marker_map = None if locator is None else locator.marker_map
+    calibrated = None if locator is None or locator.calibration is None else camera
     layout = THREE_BIT if marker_map is None else marker_map.layout
-    found = find(each.image, sought.polarity, layout, sought.detectors, sought.limit)
+    focal_px = None if calibrated is None else calibrated.focal_px
+    found = find(each.image, sought.polarity, layout, sought.detectors, sought.limit, focal_px)
     rows = found.rows(each.file, each.frame)
     reason = "" if rows or each.frame is not None else sought.why_nothing(each.image)
-    if locator is None or camera is None:
-        return Identified(rows, reason)
-    if locator.calibration is not None:
-        rows = tuple(undistorted(row, camera) for row in rows)
-    if marker_map is None:
+    if calibrated is not None:
+        rows = tuple(undistorted(row, calibrated) for row in rows)
+    if camera is None or marker_map is None:
         return Identified(rows, reason)
     where = location_or_reason(found, camera, marker_map)
     if isinstance(where, str):

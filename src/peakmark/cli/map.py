@@ -84,7 +84,7 @@ def _read(console: Any, named: list[str], camera: Camera, layout: Any) -> tuple[
                 fail(FailedFile(each.name, f"{each.file}: left out: {expected}, got {here[0]}×{here[1]}"))
                 continue
             names.append(each.name)
-            photographs.append(find(each.image, layout=layout))
+            photographs.append(find(each.image, layout=layout, focal_px=camera.focal_px))
             bar.advance()
     return names, photographs, bool(failures)
 

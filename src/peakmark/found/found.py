@@ -44,19 +44,22 @@ def find(
     layout: Layout = THREE_BIT,
     detector: str | Sequence[str] = "surf",
     limit: Limit | Literal["both"] | None = None,
+    focal_px: float | None = None,
 ) -> Found:
     """Return the markers of an image and the arrays among them: `identify`, then `decode_arrays`.
 
     `image` is grey or RGB, see `as_gray`; a single polarity forms no arrays but those of that polarity alone. `layout`
-    is that of the printed arrays. `detector` and `limit` say for which markers to look, see `identify`.
+    is that of the printed arrays. `detector` and `limit` say for which markers to look, and `focal_px`, such as
+    `Camera.focal_px`, how strong perspective is: see `identify`.
 
     Raises
     ------
     InputError
-        If the polarity, the detector or the limit is unknown, or the image is none.
+        If the polarity, the detector or the limit is unknown, the focal length is not above 0, or the image is none.
     """
     gray = as_gray(image)
-    return found_in(gray, identify(gray, polarity=polarity, detector=detector, limit=limit), layout)
+    markers = identify(gray, polarity=polarity, detector=detector, limit=limit, focal_px=focal_px)
+    return found_in(gray, markers, layout)
 
 
 def found_in(image: ArrayLike, markers: Iterable[Detection], layout: Layout = THREE_BIT) -> Found:

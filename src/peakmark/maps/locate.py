@@ -112,7 +112,8 @@ def locate(
     Parameters
     ----------
     source
-        An image, grey or RGB; or what was found in it: `Found`, or detections.
+        An image, grey or RGB, which is searched with the camera's focal length; or what was found in it: `Found`, or
+        detections.
     camera
         The camera, with the size of the image.
     marker_map
@@ -175,7 +176,7 @@ def _found(source: Any, camera: Camera, marker_map: MarkerMap) -> Found:
     if isinstance(source, Found):
         found = source
     elif isinstance(source, np.ndarray) or hasattr(source, "__array__"):
-        found = find(source, layout=marker_map.layout)
+        found = find(source, layout=marker_map.layout, focal_px=camera.focal_px)
     else:
         markers = tuple(source)
         if not all(isinstance(marker, Detection) for marker in markers):

@@ -10,8 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from peaksim import Camera, load_trajectory
 from peaksim.geometry.pose import Pose, pose_distance
+from peaksim.image_file import read_image
 
 from peakmark.cli.marker import result, sheet_tiles
+from peakmark.found import find
 from peakmark.markers.sheet import Page, pages, paper_size
 from tests.peakmark.cli.films import write_film
 from tests.peakmark.cli.running import Run, runner
@@ -57,6 +59,17 @@ def assert_near(found: Pose, true: Pose, mm: float = 2.0, deg: float = 0.3) -> N
     distance_m, angle_deg = pose_distance(found, true)
     assert 1000 * distance_m < mm
     assert angle_deg < deg
+
+
+def test_the_search_knows_the_calibrated_focal_length(photographs: Path, identify: Run, tmp_path: Path) -> None:
+    for known in ((), KNOWN[:2]):
+        identify("photo0.jpg", *known, "--out", tmp_path / "f.csv")
+        with (tmp_path / "f.csv").open(newline="", encoding="utf-8") as file:
+            rows = [(float(row["x"]), float(row["y"])) for row in csv.DictReader(file)]
+        image = read_image(photographs / "photo0.jpg")
+        told, untold = (find(image, focal_px=focal_px).rows() for focal_px in (CAMERA.focal_px, None))
+        assert rows == [(row.x, row.y) for row in (told if known else untold)]
+        assert [row.x for row in told] != [row.x for row in untold]
 
 
 def test_photographs_become_poses_in_every_format(photographs: Path, identify: Run, tmp_path: Path) -> None:

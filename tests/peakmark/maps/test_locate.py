@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from peakmark.errors import InputError
-from peakmark.found.found import Found
+from peakmark.found.found import Found, find
 from peakmark.localise.locate import FloorMap
 from peakmark.maps.files import load_map
 from peakmark.maps.locate import Location, locate, location_or_reason
@@ -111,9 +111,13 @@ def test_the_sheet_that_is_seen_is_told(tmp_path: Path) -> None:
 def test_walls_of_a_room_from_its_image() -> None:
     scene, camera, trajectory = load_scene("cave")
     pose = trajectory.at(0.0)
-    where = locate(render(scene, camera, pose).image, camera, load_map("cave"))
+    image, room = render(scene, camera, pose).image, load_map("cave")
+    where = locate(image, camera, room)
     assert where is not None
     assert_near(where, pose, 3.0, 0.1)
+    told = located(find(image, layout=room.layout, focal_px=camera.focal_px), room, camera)
+    assert np.array_equal(where.world_from_camera, told.world_from_camera)
+    assert np.array_equal(where.covariance, told.covariance)
 
 
 def test_markers_without_names_on_a_floor_and_on_a_wall() -> None:

@@ -28,7 +28,9 @@ def program(folder: Path) -> str:
     """Return the name of a shell script that ignores signals, starts a program that does too, and hangs."""
     script = folder / "stubborn.sh"
     child = shlex.join([sys.executable, "-c", STUBBORN])
-    script.write_text(f"trap '' INT TERM HUP\n{child} &\nread line\ntouch $PEAKMARK_TEST_READY\nwhile :; do sleep 60; done\n")
+    script.write_text(
+        f"trap '' INT TERM HUP\n{child} &\nread line\ntouch $PEAKMARK_TEST_READY\nwhile :; do sleep 60; done\n"
+    )
     return f"exec:sh {script}"
 
 

@@ -24,6 +24,10 @@ def image_points(camera: Camera) -> np.ndarray:
     return np.random.default_rng(0).uniform(-0.5, high, (300, 2))
 
 
+def test_the_focal_length_is_the_mean_of_both_and_none_of_a_fisheye(camera: Camera) -> None:
+    assert camera.focal_px == (None if camera.model == "fisheye" else pytest.approx(np.sqrt(camera.fx * camera.fy)))
+
+
 def test_points_project_where_opencv_says(camera: Camera) -> None:
     points = np.random.default_rng(1).uniform([-0.4, -0.3, 1], [0.4, 0.3, 2], (200, 1, 3))
     project = cv2.fisheye.projectPoints if camera.model == "fisheye" else cv2.projectPoints
