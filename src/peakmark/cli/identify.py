@@ -1,20 +1,18 @@
 """`peakmark identify`: markers and arrays in images, folders, films, or a camera's images."""
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Annotated, Any, cast, get_args
 
-import numpy as np
 from peaksim.camera.camera import Camera
 from rich.console import Console
-from rich.table import Table
 from typer import Argument, Exit, Option
 
-from peakmark.cli.command import examples, print_error, resumable
-from peakmark.cli.identify_files import Identified, Sought, identify_images, key_of
+from peakmark.cli.command import examples, resumable
+from peakmark.cli.identify_files import Sought, identify_images
+from peakmark.cli.identify_summary import Summary
 from peakmark.cli.locating import Locator, StampedPose, are_in_order, check_ending, write_poses
 from peakmark.cli.options import Quiet, UnusedSeed
 from peakmark.cli.recording import recording_into
@@ -28,21 +26,17 @@ from peakmark.cli.sources import (
     with_failures,
 )
 from peakmark.cli.terminal import new_console, print_path, progress_bar
-from peakmark.errors import InputError, check_choice, one_line
+from peakmark.errors import InputError, check_choice
 from peakmark.experiments.journal import Journal
 from peakmark.experiments.option import check_range
-from peakmark.found.rows import FoundRow
 from peakmark.found.tables import write_rows, writer_of
 from peakmark.identification.families import SOURCES
 from peakmark.maps.files import load_map
 from peakmark.markers.optimum import Limit
 from peakmark.markers.patterns import Polarity
 from peakmark.parallel import thread_count
-from peakmark.plain import from_plain, to_plain
+from peakmark.plain import to_plain
 from peakmark.recording.recorder import check_recording
-
-_MOST_SHOWN = 40
-"""Rows of the table on the terminal; the file has all."""
 
 
 @examples(
@@ -106,48 +100,36 @@ def identify(
     (px, pixel centres at integers) and pattern, such as surf-dark or sift-range-light. Files that cannot be read are
     named and left out; the exit status is then 1. An interrupted run with --out or --poses resumes.
     """
-    console = new_console(quiet)
-    sought = _sought(polarity, detector, limit)
+    console, sought = new_console(quiet), _sought(polarity, detector, limit)
     for path, check in ((out, writer_of), (poses, check_ending), (record, check_recording)):
         if path is not None:
             check(path)
     check_range("workers", workers, 1, 1024)
     named = _sources(sources, camera, frames)
     locator = _locator(calibration, map, scale_bar_mm, scale_calibration, poses)
-    failures: list[FailedFile] = []
-
-    def fail(one: FailedFile) -> None:
-        failures.append(one)
-        print_error(one.reason)
-
-    read = None if locator is None or raw_orientation else locator.read
-    is_upright = not raw_orientation and calibration is None
-    unread: deque[FailedFile] = deque()
-    images = read_sources(named, is_upright, unread.append, read) if camera is None else read_camera(camera, frames)
+    images = _images(named, camera, frames, raw_orientation, locator)
+    total = None if camera is not None else image_count(named)
     settings = {"sources": named, **to_plain(sought), "raw_orientation": raw_orientation}
     settings |= {"calibration": calibration, "map": map, "scale_bar_mm": scale_bar_mm, "scaled": scale_calibration}
     target = out if out is not None else poses
     journal = None if target is None else _journal(target, settings, is_resumed=camera is None)
-    total = None if camera is not None else image_count(named)
-    summary = _Summary(console, len(named) == 1 and total is not None, locator)
-    how = "the same command resumes" if journal is not None else "nothing was written; with --out it would resume"
-    ended = resumable(how) if camera is None else suppress(KeyboardInterrupt)  # which is how a camera's run ends
-    skip = None if len(named) == 1 and total is not None else fail
-    with recording_into(record, locator) as add, ended, progress_bar(console, "identify", total) as bar:
-        chosen = with_failures(images, unread)
-        count = 1 if total == 1 or camera is not None else workers or thread_count()
-        for each, identified in identify_images(chosen, sought, journal, overlay, locator, skip, count):
+    summary = Summary(console, len(named) == 1 and total is not None, locator)
+    skip = None if summary.is_alone else summary.fail
+    count = 1 if total == 1 or camera is not None else workers or thread_count()
+    bar_of = progress_bar(console, "identify", total)
+    with recording_into(record, locator) as add, _ending(camera, journal), bar_of as bar:
+        for each, identified in identify_images(images, sought, journal, overlay, locator, skip, count):
             summary.add(each, identified)
             add(each, identified)
             bar.advance()
-    summary.print(len(failures))
+    summary.print()
     if journal is not None:
         _write(console, summary, journal, out, poses)
         _forget(journal)
     for written, what in ((overlay, "Drawings"), (record, "Recording")):
         if written is not None:
             print_path(console, written, what)
-    if failures:
+    if summary.failed:
         raise Exit(1)
 
 
@@ -183,7 +165,27 @@ def _locator(
     )
 
 
-def _write(console: Console, summary: "_Summary", journal: Journal, out: Path | None, poses: Path | None) -> None:
+def _images(
+    named: list[str], camera: int | None, frames: int | None, is_raw: bool, locator: Locator | None
+) -> Iterator[SourceImage | FailedFile]:
+    """Return the images of sources or of a camera, and in their turn what cannot be read."""
+    is_upright = not is_raw and (locator is None or locator.calibration is None)
+    read = None if locator is None or is_raw else locator.read
+    unread: deque[FailedFile] = deque()
+    images = read_sources(named, is_upright, unread.append, read) if camera is None else read_camera(camera, frames)
+    return with_failures(images, unread)
+
+
+def _ending(camera: int | None, journal: Journal | None) -> AbstractContextManager[None]:
+    """Return what Ctrl-C does: it ends a camera's run, and interrupts others."""
+    if camera is not None:
+        return suppress(KeyboardInterrupt)
+    return resumable(
+        "the same command resumes" if journal is not None else "nothing was written; with --out it would resume"
+    )
+
+
+def _write(console: Console, summary: Summary, journal: Journal, out: Path | None, poses: Path | None) -> None:
     """Write the files from what the journal holds, one image after the other: memory does not grow with a film."""
     if out is not None:
         write_rows(out, (row for _, identified in summary.finished(journal) for row in identified.rows))
@@ -220,123 +222,3 @@ def _forget(journal: Journal) -> None:
     journal.remove()
     with suppress(OSError):
         journal.path.parent.rmdir()
-
-
-@dataclass(frozen=True)
-class _Done:
-    """An image that is done."""
-
-    key: str
-    """Its name in the journal."""
-    file: str
-    frame: int | None
-    """See `SourceImage`."""
-    stamp: float
-    """See `StampedPose`."""
-
-
-@dataclass
-class _Summary:
-    """What the terminal shows, and which images are done."""
-
-    console: Console
-    is_alone: bool
-    """Whether one image is all, so that its table is worth showing."""
-    locator: Locator | None
-    """What poses are computed from."""
-    done: list[_Done] = field(default_factory=list)
-    poses: int = 0
-    markers: int = 0
-    codes: Counter[int | None] = field(default_factory=Counter)
-    empty: int = 0
-    """Images without anything."""
-
-    def add(self, each: SourceImage, identified: Identified) -> None:
-        """Count an image, and print its line."""
-        self._say_what_is_assumed(each)
-        stamp = float(len(self.done)) if each.time_s is None else each.time_s
-        self.done.append(_Done(key_of(each), each.file, each.frame, stamp))
-        self.poses += identified.pose is not None
-        self.markers += identified.markers
-        self.codes.update(identified.codes)
-        self.empty += not identified.rows
-        if each.frame is None:
-            self._print(f"{one_line(each.file)}: {_words(identified)}")
-            for line in _pose_words(identified, self.locator is not None and self.locator.calibration is None):
-                self._print(f"  {line}")
-        if self.is_alone and identified.rows:
-            self.console.print(_table(identified.rows))
-
-    def finished(self, journal: Journal) -> Iterator[tuple[_Done, Identified]]:
-        """Yield every image that is done with what the journal holds of it."""
-        return ((image, from_plain(Identified, journal.records[image.key])) for image in self.done)
-
-    def print(self, failed: int) -> None:
-        """Print the line of all images."""
-        if self.is_alone and not failed:
-            return
-        codes = {code: count for code, count in sorted(self.codes.items(), key=_by_code) if code is not None}
-        arrays = f"{self.codes.total()} arrays" if self.codes else "no arrays"
-        named = f" (codes {', '.join(f'{code} ×{count}' for code, count in codes.items())})" if codes else ""
-        has_map = self.locator is not None and self.locator.marker_map is not None
-        located = f", {self.poses} poses" if has_map else ""
-        empty = f"; nothing in {self.empty}" if self.empty else ""
-        left_out = f"; {failed} left out" if failed else ""
-        self._print(f"{len(self.done)} images: {self.markers} markers, {arrays}{named}{located}{empty}{left_out}")
-
-    def _say_what_is_assumed(self, each: SourceImage) -> None:
-        if not self.done and self.locator is not None and (note := self.locator.assumption(each)):
-            self._print(f"note: {note}")
-
-    def _print(self, line: str) -> None:
-        self.console.print(line, soft_wrap=True, highlight=False)
-
-
-def _pose_words(identified: Identified, is_guessed: bool) -> list[str]:
-    """Return where the camera was, in lines; none where nobody asked. σ does not hold what a guessed camera is off."""
-    pose = identified.pose
-    if pose is None:
-        return [f"no pose: {identified.pose_reason}"] if identified.pose_reason else []
-    x, y, z = pose.world_from_camera[:3, 3]
-    sigma_mm = 1000 * float(np.linalg.norm(pose.position_sigma_m))
-    on_page = "" if pose.page is None else f" over page {pose.page}"
-    condition = " for that focal length" if is_guessed else ""
-    line = (
-        f"camera at ({x:.4f}, {y:.4f}, {z:.4f}) m{on_page}, ±{sigma_mm:.2g} mm, ±{pose.rotation_sigma_deg:.2g}°"
-        f"{condition}; {pose.markers} markers fit to {pose.rms_px:.2f} px"
-    )
-    if pose.is_certain or pose.other is None:
-        return [line]
-    x, y, z = pose.other[:3, 3]
-    return [line, f"or at ({x:.4f}, {y:.4f}, {z:.4f}) m, which explains the image nearly as well"]
-
-
-def _by_code(item: tuple[int | None, int]) -> int:
-    return -1 if item[0] is None else item[0]
-
-
-def _words(identified: Identified) -> str:
-    """Return what an image holds, in words."""
-    if not identified.rows:
-        return f"nothing found: {identified.reason}"
-    codes = [str(code) for code in identified.codes if code is not None]
-    unsure = len(identified.codes) - len(codes)
-    parts = [f"{identified.markers} markers"]
-    parts += [f"arrays {', '.join(codes)}"] if codes else []
-    parts += [f"{unsure} arrays unsure"] if unsure else []
-    return "; ".join(parts)
-
-
-def _table(rows: tuple[FoundRow, ...]) -> Table:
-    """Return the rows of one image as the terminal shows them."""
-    left_out = len(rows) - _MOST_SHOWN
-    table = Table(caption=f"and {left_out} more; --out FOUND.csv has all" if left_out > 0 else None)
-    for head in ("kind", "code", "polarity", "x", "y", "side px", "probability", "±px"):
-        table.add_column(head, justify="left" if head in ("kind", "polarity") else "right")
-    for row in rows[:_MOST_SHOWN]:
-        code = f"{row.code}" if row.code is not None else (f"? {row.doubt}" if row.doubt else "")
-        likely = "" if row.probability is None else f"{row.probability:.3f}"
-        sigma = "" if row.sigma_px is None else f"{row.sigma_px:.3f}"
-        place = (f"{row.x:.2f}", f"{row.y:.2f}", f"{row.side_px:.1f}")
-        table.add_row(row.kind, code, row.polarity or "", *place, likely, sigma)
-    return table
