@@ -9,11 +9,13 @@
 
 enum { KIND, INTENSITY, VECTOR, REFERENCE = 5, SHADOWS, LIGHT_COLUMNS };
 enum { AMBIENT, DIRECTIONAL, POINT };
-enum { RUN = 32 };             /* most pixels of a row that are lit together */
+enum { BLOCK = 32 };           /* most rows and columns of pixels that are lit together */
+enum { MOST_NEAR = 16 };
 enum { FEW = 16, MANY = 128 }; /* rays to a light for each triangle of a piece's fan */
 
 #define LIFT_M 1e-5
-#define CURVED 1.1 /* times the radius of a run's corners none of its pixels is farther from the middle, whatever the lens */
+/* Times the radius of a block's corners none of its pixels is farther from the middle, whatever the lens. */
+#define CURVED 1.1
 
 typedef double LightRow[LIGHT_COLUMNS];
 
@@ -31,6 +33,14 @@ typedef struct {
     const double (*polygon)[2];
     int64_t n;
 } FacePart;
+
+/* For which part of a polygon a light is hidden. */
+typedef enum { NOWHERE, PERHAPS, EVERYWHERE } Hidden;
+
+/* The faces that may hide a light from a part of a polygon; of more than MOST_NEAR only their number counts. */
+typedef struct {
+    int64_t faces[MOST_NEAR], count;
+} Near;
 
 /* A ray to a light. */
 typedef struct {
@@ -58,9 +68,19 @@ static ToLight ray_to_light(const double *light, const double *point) {
 
 static double fraction(double a) { return a - floor(a); }
 
-/* How many of some samples of the triangle (0, 0), u, v of a face, from a corner on, a light reaches past the meshes. */
+/* Whether a ray meets one of the faces near it before `farthest`. */
+static bool meets_near(const Near *near, Solids solids, const double *origin, const double *ray, double farthest) {
+    if (near->count > MOST_NEAR) return meets_any(solids, origin, ray, farthest);
+    for (int64_t k = 0; k < near->count; k++) {
+        const double t = intersect_face(solids.faces[near->faces[k]], origin, ray);
+        if (0.0 < t && t < farthest) return true;
+    }
+    return false;
+}
+
+/* How many of some samples of the triangle (0, 0), u, v of a face, from a corner on, a light reaches past meshes. */
 static int count_reached(FacePart part, const double *first, const double *u, const double *v, const double *lift,
-                         const double *light, Solids solids, int samples) {
+                         const double *light, Solids solids, const Near *near, int samples) {
     int reached = 0;
     for (int sample = 0; sample < samples; sample++) {
         /* an even sequence in the square (Roberts 2018), folded into the triangle */
@@ -73,20 +93,21 @@ static int count_reached(FacePart part, const double *first, const double *u, co
         point_on_face(part.plane, first[0] + a * u[0] + b * v[0], first[1] + a * u[1] + b * v[1], point);
         for (int axis = 0; axis < 3; axis++) point[axis] += lift[axis];
         const ToLight to = ray_to_light(light, point);
-        reached += !meets_any(solids, point, to.ray, to.farthest);
+        reached += !meets_near(near, solids, point, to.ray, to.farthest);
     }
     return reached;
 }
 
 /* The share of a polygon that a light reaches past the meshes. */
-static double lit_share(FacePart part, const double *lift, const double *light, Solids solids, int samples) {
+static double lit_share(FacePart part, const double *lift, const double *light, Solids solids, const Near *near,
+                        int samples) {
     const double *first = part.polygon[0];
     double lit = 0.0, whole = 0.0;
     for (int64_t i = 1; i < part.n - 1; i++) {
         const double u[2] = {part.polygon[i][0] - first[0], part.polygon[i][1] - first[1]};
         const double v[2] = {part.polygon[i + 1][0] - first[0], part.polygon[i + 1][1] - first[1]};
         const double weight = fabs(u[0] * v[1] - v[0] * u[1]);
-        const int reached = count_reached(part, first, u, v, lift, light, solids, samples);
+        const int reached = count_reached(part, first, u, v, lift, light, solids, near, samples);
         whole += weight;
         lit += weight * ((double)reached / samples);
     }
@@ -94,9 +115,9 @@ static double lit_share(FacePart part, const double *lift, const double *light, 
 }
 
 /* The lit share of a polygon from a few samples, and from many where a few do not agree. */
-static double sampled_share(FacePart part, const double *lift, const double *light, Solids solids) {
-    const double share = lit_share(part, lift, light, solids, FEW);
-    return 0.0 < share && share < 1.0 ? lit_share(part, lift, light, solids, MANY) : share;
+static double sampled_share(FacePart part, const double *lift, const double *light, Solids solids, const Near *near) {
+    const double share = lit_share(part, lift, light, solids, near, FEW);
+    return 0.0 < share && share < 1.0 ? lit_share(part, lift, light, solids, near, MANY) : share;
 }
 
 /* The square of a polygon's radius around a point, m². */
@@ -121,34 +142,49 @@ static void cross(const double *a, const double *b, double *out) {
     for (int k = 0; k < 3; k++) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
 }
 
-/* Whether parallel rays from a polygon, lifted, may meet a face: see `intersect_face`. */
-static bool may_meet(const double *face, const double *middle, const double *lift, double radius, const double *ray) {
+/* Which of parallel rays from a polygon, lifted, meet a face: see `intersect_face`. */
+static Hidden meeting(const double *face, const double *middle, const double *lift, double radius, const double *ray) {
     const double *u = face + U, *v = face + V, doubt = 1e-6;
     Vector across, down, normal, away;
     cross(ray, v, across), cross(u, ray, down), cross(u, v, normal);
     const double det = dot(u, across), size = fabs(det);
-    if (size <= doubt * sqrt(dot(normal, normal) * dot(ray, ray))) return true;
+    if (size <= doubt * sqrt(dot(normal, normal) * dot(ray, ray))) return PERHAPS;
     for (int k = 0; k < 3; k++) away[k] = middle[k] + lift[k] - face[k];
     const double a = dot(away, across) / det, b = dot(away, down) / det, t = dot(away, normal) / det;
     const double wide_a = spread_of(across, lift, radius) / size + doubt;
     const double wide_b = spread_of(down, lift, radius) / size + doubt, wide_t = spread_of(normal, lift, radius) / size;
     const bool is_quad = face[QUAD] != 0.0;
-    return t + wide_t > 0.0 && a + wide_a > 0.0 && b + wide_b > 0.0 &&
-           (is_quad ? a - wide_a < 1.0 && b - wide_b < 1.0 : a + b - wide_a - wide_b < 1.0);
+    /* how far the polygon's middle is inside of each side; triangles have one side less */
+    const double sides[4] = {a, b, is_quad ? 1.0 - a : 1.0 - a - b, is_quad ? 1.0 - b : 1.0 - a - b};
+    const double widths[4] = {wide_a, wide_b, is_quad ? wide_a : wide_a + wide_b, is_quad ? wide_b : wide_a + wide_b};
+    bool all = t - wide_t > doubt;
+    if (t + wide_t <= 0.0) return NOWHERE;
+    for (int k = 0; k < 4; k++) {
+        if (sides[k] + widths[k] <= 0.0) return NOWHERE;
+        all &= sides[k] - widths[k] > 0.0;
+    }
+    return all ? EVERYWHERE : PERHAPS;
 }
 
-/* Whether a face may hide a part of a light from a polygon with a middle and a radius. */
-static bool comes_near(Solids solids, const double *middle, const double *lift, double radius, ToLight to) {
+/* For which part of a polygon with a middle and a radius meshes hide a light; writes which faces may. */
+static Hidden hidden_of(Solids solids, const double *middle, const double *lift, double radius, ToLight to,
+                        Near *near) {
     Stack stack = stack_of(solids.count);
     const bool is_parallel = to.farthest == INFINITY;
+    near->count = 0;
     while (stack.top > 0) {
         const int64_t node = stack.nodes[--stack.top], first = solids.links[node][0], n = solids.links[node][1];
         if (!meets_box(solids.boxes[node], middle, to.ray, radius + 2.0 * LIFT_M, to.farthest)) continue;
         if (n == 0) push_children(&stack, first);
-        for (int64_t face = first; face < first + n; face++)
-            if (!is_parallel || may_meet(solids.faces[face], middle, lift, radius, to.ray)) return true;
+        for (int64_t face = first; face < first + n; face++) {
+            const Hidden by = is_parallel ? meeting(solids.faces[face], middle, lift, radius, to.ray) : PERHAPS;
+            if (by == EVERYWHERE) return by;
+            if (by == NOWHERE) continue;
+            if (near->count < MOST_NEAR) near->faces[near->count] = face;
+            near->count++;
+        }
     }
-    return false;
+    return near->count > 0 ? PERHAPS : NOWHERE;
 }
 
 /* The strength of a light on a face that it strikes, without distance. */
@@ -165,8 +201,12 @@ static double light_of(FacePart part, const double *middle, double radius, const
         const double falloff = light[REFERENCE] / to.length;
         strength *= falloff * falloff;
     }
-    if (strength > 0.0 && light[SHADOWS] > 0.0 && comes_near(solids, middle, lift, radius, to))
-        strength *= sampled_share(part, lift, light, solids);
+    if (strength > 0.0 && light[SHADOWS] > 0.0) {
+        Near near;
+        const Hidden hidden = hidden_of(solids, middle, lift, radius, to, &near);
+        if (hidden == EVERYWHERE) return 0.0;
+        if (hidden == PERHAPS) strength *= sampled_share(part, lift, light, solids, &near);
+    }
     return strength;
 }
 
@@ -183,20 +223,23 @@ static double take_middle(FacePart part, const double *eye, double *middle, doub
     return sqrt(squared_radius(part, middle));
 }
 
-/* Write the multiplier of all pixels of a run on one face, if it is the same; false where a light is a point, or something
-   may hide a part of one. */
-static bool take_even_light(FacePart run, const double *eye, Lighting lighting, double *even) {
+/* Write the multiplier of all pixels of a block on one face, if it is the same; false where a light is a point, or
+   something hides a part of one. */
+static bool take_even_light(FacePart block, const double *eye, Lighting lighting, double *even) {
     Vector middle, lift;
-    const double radius = CURVED * take_middle(run, eye, middle, lift);
+    const double radius = CURVED * take_middle(block, eye, middle, lift);
     *even = 0.0;
     for (int64_t k = 0; k < lighting.count; k++) {
         const double *light = lighting.lights[k];
         if (light[KIND] == POINT) return false;
         const ToLight to = ray_to_light(light, middle);
         const double strength = light[KIND] == AMBIENT ? light[INTENSITY] : strength_of(light, lift, to);
-        if (light[KIND] != AMBIENT && strength > 0.0 && light[SHADOWS] > 0.0 &&
-            comes_near(lighting.solids, middle, lift, radius, to))
-            return false;
+        if (light[KIND] != AMBIENT && strength > 0.0 && light[SHADOWS] > 0.0) {
+            Near near;
+            const Hidden hidden = hidden_of(lighting.solids, middle, lift, radius, to, &near);
+            if (hidden == PERHAPS) return false;
+            if (hidden == EVERYWHERE) continue;
+        }
         *even += strength;
     }
     return true;
@@ -256,20 +299,75 @@ EXPORT void light_pieces(const double *planes, int64_t faces, const double *tabl
     }
 }
 
-/* Write the corners of some pixels of a row in a face's coordinates. */
-static void pixels_on_face(const FaceSides *sides, Rays rays, int64_t y, int64_t first, int64_t n, double (*polygon)[2]) {
+/* Pixels of a band that one face may fill: from row y, column x on, so many. */
+typedef struct {
+    int64_t y, x, rows, columns;
+} Block;
+
+/* A band, and what is lit in it. */
+typedef struct {
+    Rays rays;
+    Views views;
+    const Vector *planes;
+    const FaceRow *table;
+    const Vector *eyes;
+    Lighting lighting;
+    const int64_t *owners;
+    int64_t width, channels;
+    double *light;
+} LitBand;
+
+/* Write the corners of a block in a face's coordinates. */
+static void block_on_face(const FaceSides *sides, Rays rays, Block block, double (*polygon)[2]) {
     for (int corner = 0; corner < 4; corner++) {
-        const int64_t x = (corner + 1) / 2 % 2 ? first + n : first;
-        const double *ray = corner_of(rays, y + corner / 2, x), w = dot((*sides)[DEPTH], ray);
+        const int64_t x = (corner + 1) / 2 % 2 ? block.x + block.columns : block.x;
+        const double *ray = corner_of(rays, block.y + corner / 2 * block.rows, x), w = dot((*sides)[DEPTH], ray);
         for (int axis = 0; axis < 2; axis++) polygon[corner][axis] = dot((*sides)[axis], ray) / w;
     }
 }
 
-/* How many pixels of a row, from one on, have its owner, up to a run. */
-static int64_t run_length(const int64_t *owners, int64_t left) {
-    int64_t n = 1;
-    while (n < least(left, RUN) && owners[n] == owners[0]) n++;
-    return n;
+/* Whether all pixels of a block have the owner of its first one. */
+static bool has_one_owner(const LitBand *band, Block block) {
+    const int64_t *first = band->owners + block.y * band->width + block.x;
+    for (int64_t y = 0; y < block.rows; y++)
+        for (int64_t x = 0; x < block.columns; x++)
+            if (first[y * band->width + x] != *first) return false;
+    return true;
+}
+
+static void write_even(const LitBand *band, Block block, double mean) {
+    for (int64_t y = block.y; y < block.y + block.rows; y++) {
+        double *row = band->light + (y * band->width + block.x) * band->channels;
+        for (int64_t k = 0; k < block.columns * band->channels; k++) row[k] = mean;
+    }
+}
+
+/* Write the light on a block of one owner; false where it is uneven, and the block is no pixel. */
+static bool light_block(const LitBand *band, Block block) {
+    const int64_t face = band->owners[block.y * band->width + block.x];
+    if (face < 0) return true;
+    const double *eye = band->eyes[band->views.poses > 1 ? block.y : 0];
+    double polygon[4][2], mean;
+    const FacePart part = {band->planes + 3 * face, band->table[face], (const double (*)[2])polygon, 4};
+    block_on_face(sides_of(band->views, block.y, face), band->rays, block, polygon);
+    if (block.rows == 1 && block.columns == 1)
+        mean = mean_light(part, eye, band->lighting);
+    else if (!take_even_light(part, eye, band->lighting, &mean))
+        return false;
+    write_even(band, block, mean);
+    return true;
+}
+
+/* Write the light on a block; parts of one that has several owners or uneven light are lit alone, down to pixels. */
+static void light_parts(const LitBand *band, Block block) {
+    const bool has_one_pose = block.rows == 1 || band->views.poses == 1;
+    if (has_one_pose && has_one_owner(band, block) && light_block(band, block)) return;
+    const int64_t rows = most(has_one_pose ? block.rows / 2 : 1, 1);
+    const int64_t columns = most(has_one_pose ? block.columns / 2 : block.columns, 1);
+    for (int64_t y = 0; y < block.rows; y += rows)
+        for (int64_t x = 0; x < block.columns; x += columns)
+            light_parts(band, (Block){block.y + y, block.x + x, least(rows, block.rows - y),
+                                      least(columns, block.columns - x)});
 }
 
 /* Write the plain light on all pixels of a band that have an owner; see `light_pieces`. */
@@ -278,27 +376,21 @@ EXPORT void light_owned(const double *rays, int64_t rows, int64_t columns, const
                         const double *lights, int64_t n_lights, const double *boxes, int64_t nodes,
                         const int64_t *links, const double *solids, int64_t n_solids, const int64_t *owners,
                         int64_t height, int64_t width, double *light, int64_t channels) {
-    const Rays corners = rays_of(rays, rows, columns);
-    const Views views = {(const FaceSides *)sides, poses, faces};
     const Lighting lighting = {(const LightRow *)lights,
                                n_lights,
                                {(const Box *)boxes, (const Link *)links, (const SolidFace *)solids, n_solids}};
-    double polygon[4][2], mean;
+    const LitBand band = {rays_of(rays, rows, columns),
+                          {(const FaceSides *)sides, poses, faces},
+                          (const Vector *)planes,
+                          (const FaceRow *)table,
+                          (const Vector *)eyes,
+                          lighting,
+                          owners,
+                          width,
+                          channels,
+                          light};
     (void)nodes;
-    for (int64_t y = 0; y < height; y++)
-        for (int64_t x = 0, n; x < width; x += n) {
-            const int64_t face = owners[y * width + x];
-            const double *eye = eyes + (poses > 1 ? 3 * y : 0);
-            n = run_length(owners + y * width + x, width - x);
-            if (face < 0) continue;
-            const FacePart part = {(const Vector *)planes + 3 * face, table + TABLE_COLUMNS * face,
-                                   (const double (*)[2])polygon, 4};
-            pixels_on_face(sides_of(views, y, face), corners, y, x, n, polygon);
-            const bool is_even = take_even_light(part, eye, lighting, &mean);
-            for (int64_t i = x; i < x + n; i++) {
-                if (!is_even) pixels_on_face(sides_of(views, y, face), corners, y, i, 1, polygon);
-                if (!is_even) mean = mean_light(part, eye, lighting);
-                for (int64_t channel = 0; channel < channels; channel++) light[(y * width + i) * channels + channel] = mean;
-            }
-        }
+    for (int64_t y = 0; y < height; y += BLOCK)
+        for (int64_t x = 0; x < width; x += BLOCK)
+            light_parts(&band, (Block){y, x, least(BLOCK, height - y), least(BLOCK, width - x)});
 }

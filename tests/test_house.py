@@ -16,6 +16,7 @@ SIM_FLOORS = (
         "peaksim.folder_lock",
         "peaksim.lazy",
         "peaksim.notices",
+        "peaksim.keep_last",
         "peaksim.threads",
         "peaksim.whole_file",
     ),

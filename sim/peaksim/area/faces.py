@@ -6,7 +6,6 @@ a triangle. All are linear in d, so that face sides, depth order and intersectio
 linear map leads from these coordinates to those of the face's texture.
 """
 
-from functools import lru_cache
 from math import prod
 from typing import Any, NamedTuple
 
@@ -14,7 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from peaksim.area.texel_memory import empty_texels
 from peaksim.area.texture_sums import sums_shape, write_sums
+from peaksim.keep_last import keep_last
 from peaksim.scene.material import LUMA, Material
 from peaksim.scene.scene import Mesh, Quad, Scene
 from peaksim.scene.texture import Texture
@@ -72,7 +73,7 @@ def faces_of(scene: Scene) -> Faces:
     return _faces(scene.quads, scene.meshes, channels_of(scene))
 
 
-@lru_cache(maxsize=1)
+@keep_last
 def _faces(quads: tuple[Quad, ...], meshes: tuple[Mesh, ...], channels: int) -> Faces:
     """Return the faces; frames of one scene share them, whatever their lights."""
     prints = _prints(quads, meshes)
@@ -198,13 +199,13 @@ def _linear_map(texels: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([texels[:, :1], texels[:, 1:] - texels[:, :1]], axis=1).swapaxes(1, 2).reshape(-1, 6)
 
 
-@lru_cache(maxsize=1)
+@keep_last
 def pack_textures(prints: tuple[Print, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the tables of all printed textures in one buffer, and (t, 4) START, STRIDE, PLANE and CONTRAST of each."""
     levels = [material.levels(texture.pixels) for texture, material in prints]
     shapes = [sums_shape(pixels) for pixels in levels]
     starts = np.cumsum([0, *(prod(shape) for shape in shapes)])
-    texels, rows = np.empty(starts[-1] + 1), np.zeros((len(prints), 4))
+    texels, rows = empty_texels(int(starts[-1]) + 1), np.zeros((len(prints), 4))
     texels[-1] = 0  # kernels read three of four texels
     for pixels, shape, start, end, row in zip(levels, shapes, starts, starts[1:], rows, strict=False):
         write_sums(pixels, texels[start:end].reshape(shape))

@@ -81,3 +81,15 @@ def test_lights_are_packed_as_directions_towards_them() -> None:
     assert rows[:, 0].tolist() == [1, 2]
     assert rows[0, 2:5].tolist() == [0, 0, 1]
     assert rows[1].tolist() == [2, 2, 0, 0, 2.5, 1, 0]
+
+
+def test_a_shadow_is_the_same_however_many_faces_throw_it() -> None:
+    corners = np.array([[0.11, -0.1, 0.5], [0.4, -0.13, 0.5], [0.42, 0.1, 0.5], [0.1, 0.12, 0.5]])
+    lights = (Light("ambient", 0.25), Light("directional", 0.5, direction=(-0.53, 0.17, -1)))
+    floor, roof = (plain_quad("floor", 200, 2.0, np.eye(4)),), [[0, 1, 2], [0, 2, 3]]
+    one, twenty = (
+        integrate(Scene(floor, (Mesh("roof", corners, np.tile(roof, (n, 1))),), lights), SQUARE, ABOVE[None])
+        for n in (1, 20)
+    )
+    assert len(np.unique(one)) > 20  # lit, shadow, and shares of both
+    assert np.array_equal(one, twenty)
