@@ -51,6 +51,9 @@ _NOISE_OF_DOG = 0.0817
 _PAGE = 2000
 """Candidates that are looked at together: small ones are many, and a correlation with a round pattern takes little."""
 
+_ALIKE = (0.12, 1.2)
+"""Key points of one sign this near, in scales, and this like in scale, are one candidate."""
+
 _NARROW = 0.3
 """Variance of a blur, px², below which a sampled Gaussian is too narrow by a fifth or more."""
 
@@ -85,7 +88,7 @@ def pages_of(gray: NDArray[np.uint8], points: NDArray[np.float64]) -> Iterator[M
     variance = box_variance(gray, xy.astype(np.float32), np.column_stack([sigma, sigma]) * _BOX) / 255**2
     quotient = np.abs(response) / (_most_response() * np.sqrt(np.maximum(variance, 1e-5)))
     found = np.column_stack([xy, sigma, np.abs(response), np.sign(response), quotient])
-    yield from pages(found[quotient > LEAST_QUOTIENT], float(SIDE_OF_SIGMA), gray.shape, sift_worth, _PAGE)
+    yield from pages(found[quotient > LEAST_QUOTIENT], float(SIDE_OF_SIGMA), gray.shape, sift_worth, _PAGE, _ALIKE)
 
 
 def sift_worth(responses: NDArray[np.float64], quotients: NDArray[np.float64]) -> NDArray[np.float64]:
