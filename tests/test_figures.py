@@ -226,7 +226,10 @@ def test_the_first_page_says_who_wins_what() -> None:
 def test_poses_and_calibrations() -> None:
     page = text("docs/figures/poses.md")
     for each in data("poses")["poses"]:
-        assert "| " + " | ".join(figure_row(from_plain(PoseFigures, each))) + " |" in page
+        source, *counts, wrong, position, rotation, nees, inside = figure_row(from_plain(PoseFigures, each))
+        table = page.split(f"From {source}:\n\n")[1].split("\n\n")[0]
+        assert "| " + " | ".join((*counts, position, rotation, nees, inside)) + " |" in table
+        assert (wrong, "none of\nwhich is wrong" in page) == ("0", True)
     page = text("docs/how-to/calibrate-a-camera.md")
     ours = [each for each in data("calibration")["cameras"] if each["board"] == "peakmark" and each["lens"] == "brown5"]
     field, focal = (np.array([each[name] for each in ours]) for name in ("field_px", "focal_percent"))
