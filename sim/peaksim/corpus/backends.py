@@ -290,12 +290,15 @@ def _silent(library: str) -> Iterator[None]:
 @contextmanager
 def _lost_in_one_line(address: str, client: Any) -> Iterator[None]:
     """Turn whatever a lost scheduler raises into bad input; tasks that failed by themselves stay what they are."""
+    from distributed.comm import CommClosedError
+
     try:
         yield
     except (InputError, RendererError):
         raise
     except Exception as error:
-        if client.status == "running" and not isinstance(error, CancelledError):
+        is_lost = isinstance(error, CancelledError | CommClosedError)  # which the client may not know yet
+        if client.status == "running" and not is_lost:
             raise
         raise InputError(f"--dask {address}: the scheduler was lost; the same command resumes") from error
 
