@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from peakmark.arrays.lattice import SIZE_RATIO, MarkerShapes, neighbours
 from peakmark.arrays.look import AROUND, OF_SURF, Print, Sighting, correlation_at, look_around, probability_of
-from peakmark.identification.detection import Detection
+from peakmark.identification.detection import Detection, expected_detection
 from peakmark.identification.general import align_at
 from peakmark.markers.patterns import Variant
 
@@ -103,7 +103,7 @@ def _overlaps(sighting: Sighting, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
     """Return what is seen as a detection, aligned with the printed pattern where that succeeds near."""
     printed = sighting.printed
-    fit = align_at(gray, sighting.xy, sighting.side_px, Variant(sighting.polarity, printed.limit, printed.made_for))
+    fit = align_at(gray, sighting.xy, sighting.side_px, _variant_of(sighting))
     if fit is None or not _is_near(fit, sighting):
         return _unaligned(sighting)
     assert fit.affinity is not None
@@ -115,19 +115,17 @@ def _detection(gray: NDArray[np.uint8], sighting: Sighting) -> Detection:
 
 def _unaligned(sighting: Sighting) -> Detection:
     """Return what is seen as a detection, as it is."""
-    return Detection(
-        id=-1,
+    return expected_detection(
+        _variant_of(sighting),
         xy=sighting.xy,
         size=sighting.side_px,
-        polarity=sighting.polarity,
-        response=0.0,
-        signature_distance=np.nan,
-        rank=0,
         affinity=sighting.affinity,
         probability=probability_of(sighting.correlation, sighting.printed),
-        limit=sighting.printed.limit,
-        made_for=sighting.printed.made_for,
     )
+
+
+def _variant_of(sighting: Sighting) -> Variant:
+    return Variant(sighting.polarity, sighting.printed.limit, sighting.printed.made_for)
 
 
 def _is_near(fit: Detection, sighting: Sighting) -> bool:

@@ -1,7 +1,7 @@
 """What identification returns: detections, and everything that was found in one image."""
 
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,20 @@ class Detection:
         affinity = self.size * np.eye(2) if self.affinity is None else self.affinity
         depth = np.ones(4) if self.perspective is None else 1 + _CORNERS @ self.perspective
         return np.asarray(self.xy + _CORNERS @ affinity.T / depth[:, None])
+
+
+def expected_detection(variant: Variant, **measured: Any) -> Detection:
+    """Return a marker that is seen where one had to stand: id −1, rank 0, without a response and a signature."""
+    return Detection(
+        id=-1,
+        polarity=variant.polarity,
+        limit=variant.limit,
+        made_for=variant.made_for,
+        response=0.0,
+        signature_distance=np.nan,
+        rank=0,
+        **measured,
+    )
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from peakmark.identification.alignment import (
     together,
 )
 from peakmark.identification.candidates import MarkerCandidates, distinct_rows, joined
-from peakmark.identification.detection import Detection, FitSpread
+from peakmark.identification.detection import Detection, FitSpread, expected_detection
 from peakmark.identification.families import FAMILIES, SOURCES, Family
 from peakmark.identification.marker_evidence import COLUMNS, marker_evidence
 from peakmark.identification.marker_model import MarkerModel, shipped_model
@@ -307,14 +307,5 @@ def align_at(gray: NDArray[np.uint8], xy: NDArray[np.float64], side_px: float, v
     if not len(aligned.rows):
         return None
     after_plane, after_pattern = aligned.figures[0, 1], aligned.figures[0, 3]
-    return Detection(
-        id=-1,
-        polarity=variant.polarity,
-        limit=variant.limit,
-        made_for=variant.made_for,
-        response=0.0,
-        signature_distance=np.nan,
-        rank=0,
-        explained=float(1 - min(after_pattern / max(after_plane, 1e-9), 1.0)),
-        **_measured(gray, aligned, 0, variant),
-    )
+    explained = float(1 - min(after_pattern / max(after_plane, 1e-9), 1.0))
+    return expected_detection(variant, explained=explained, **_measured(gray, aligned, 0, variant))
