@@ -1,4 +1,7 @@
-"""Reading films from outside: upright as viewers show them, and refused where the file ends before the film does."""
+"""Reading films from outside: upright as viewers show them.
+
+Where the file ends before the film does, the whole frames that are left come first, then the error.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,20 +35,23 @@ def read_timed_film(path: Path, is_upright: bool = True) -> Iterator[tuple[float
     Raises
     ------
     ImageError
-        If the file is missing, no film, cut, damaged, has no frame, or its frames exceed `MAX_PIXELS`.
+        If the file is missing, no film, has no frame, or its frames exceed `MAX_PIXELS`; after the frames that can be
+        read, if it is cut or damaged.
     """
     import av
 
+    cut = None
     try:
-        _check_whole(path)
+        cut = _where_cut(path)
         with av.open(str(path)) as container:
             if not container.streams.video:
                 raise ImageError("found no video stream")
-            yield from _decode(container, is_upright)
+            yield from _decode(container, is_upright, cut)
     except ImageError as error:
         raise ImageError(f"{path}: expected a film, {error}") from error
     except (OSError, ValueError, av.error.FFmpegError) as error:
-        raise ImageError(f"{path}: expected a film: {getattr(error, 'strerror', None) or error}") from error
+        reason = f": {getattr(error, 'strerror', None) or error}" if cut is None else f", {cut}"
+        raise ImageError(f"{path}: expected a film{reason}") from error
 
 
 @needs_extra
@@ -60,24 +66,34 @@ def frames_per_second(path: Path) -> float:
         return 25.0
 
 
-def _decode(container: Any, is_upright: bool) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+def _decode(container: Any, is_upright: bool, cut: str | None) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Yield the frames; then raise if the film is `cut`, which says where, or ends before it says that it does."""
     stream = container.streams.video[0]
-    first_s: float | None = None
-    last_s = 0.0
-    for count, frame in enumerate(container.decode(stream)):
+    step_s, first_s, shown_s = 1 / float(stream.average_rate or 25), None, 0.0
+    for count, frame in enumerate(_whole_frames(container, stream, cut is not None)):
         if frame.width * frame.height > MAX_PIXELS:
             raise ImageError(f"of at most {MAX_PIXELS} pixels, got {frame.width}×{frame.height}")
-        last_s = count / float(stream.average_rate or 25) if frame.time is None else frame.time
-        first_s = last_s if first_s is None else first_s
+        time_s = count * step_s if frame.time is None else frame.time
+        first_s = time_s if first_s is None else first_s
+        shown_s = time_s - first_s + step_s
         pixels = frame.to_ndarray(format="rgb24")
         upright = np.ascontiguousarray(np.rot90(pixels, round(frame.rotation / 90))) if is_upright else pixels
-        yield last_s - first_s, upright
+        yield time_s - first_s, upright
     if first_s is None:
-        raise ImageError("found no frame")
-    stated_s, step_s = _stated_s(container, stream), 1 / float(stream.average_rate or 25)
-    shown_s = last_s - first_s + step_s
+        raise ImageError(cut or "found no frame")
+    stated_s = _stated_s(container, stream)
+    states = "" if stated_s is None else f"it states {stated_s:.3g} s, and "
+    if cut is not None:
+        raise ImageError(f"{cut}: {states}its frames end after {shown_s:.3g} s")
     if stated_s is not None and shown_s < min(_SHORTEST_SHARE * stated_s, stated_s - 1.5 * step_s):
-        raise ImageError(f"damaged: it states {stated_s:.3g} s, and its frames end after {shown_s:.3g} s")
+        raise ImageError(f"damaged: {states}its frames end after {shown_s:.3g} s")
+
+
+def _whole_frames(container: Any, stream: Any, is_cut: bool) -> Iterator[Any]:
+    """Yield a stream's frames, of a cut file without what its last, incomplete packet would give."""
+    for packet in container.demux(stream):
+        if not (is_cut and packet.is_corrupt):
+            yield from packet.decode()
 
 
 def _stated_s(container: Any, stream: Any) -> float | None:
@@ -92,8 +108,8 @@ def _stated_s(container: Any, stream: Any) -> float | None:
 # --- cut files ------------------------------------------------------------------------------------------------
 
 
-def _check_whole(path: Path) -> None:
-    """Refuse a file that ends before its outermost chunks do.
+def _where_cut(path: Path) -> str | None:
+    """Return where a file is cut that ends before its outermost chunks do; None for others.
 
     FFmpeg decodes what is left of a cut file and reports no error.
     """
@@ -109,8 +125,7 @@ def _check_whole(path: Path) -> None:
             end = _boxes_end(file, size)
         else:
             end = None
-    if end is not None and end > size:
-        raise ImageError(f"cut: expected {end} bytes, got {size}")
+    return f"cut: expected {end} bytes, got {size}" if end is not None and end > size else None
 
 
 def _riff_end(file: BinaryIO, size: int) -> int | None:

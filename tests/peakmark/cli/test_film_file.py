@@ -1,7 +1,8 @@
-"""Films: upright as OpenCV shows them, and refused where the file ends before the film does."""
+"""Films: upright as OpenCV shows them; of what is cut or damaged the frames that are left, then the error."""
 
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from tests.peakmark.cli.films import rotate_mp4, write_film
 from tests.samples import speckled
 
 GRAY = speckled(96, 128, 4)
+FIRST = {"movflags": "faststart"}
 NOISE = list(np.random.default_rng(0).integers(0, 255, (20, 96, 128), dtype=np.uint8))
-FRAMES = [np.roll(GRAY, 7 * k, axis=1) for k in range(20)]
+FRAMES = [np.roll(GRAY, 7 * k, axis=1) for k in range(3)]
 
 
 def frames_of_opencv(path: Path) -> list[np.ndarray]:
@@ -26,7 +28,7 @@ def frames_of_opencv(path: Path) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("clockwise_deg", [0, 90, 180, 270])
 def test_frames_come_upright_as_opencv_shows_them(tmp_path: Path, clockwise_deg: int) -> None:
-    write_film(tmp_path / "f.mp4", FRAMES[:3])
+    write_film(tmp_path / "f.mp4", FRAMES)
     stored = list(read_film(tmp_path / "f.mp4"))
     rotate_mp4(tmp_path / "f.mp4", clockwise_deg)
     expected = frames_of_opencv(tmp_path / "f.mp4")
@@ -40,17 +42,46 @@ def test_frames_come_upright_as_opencv_shows_them(tmp_path: Path, clockwise_deg:
 
 
 @pytest.mark.parametrize(
-    ("name", "codec"),
-    [("f.avi", "mpeg4"), ("f.mkv", "mpeg4"), ("f.mp4", "mpeg4"), ("f.mov", "mpeg4"), ("f.webm", "libvpx")],
+    ("name", "codec", "has_index_first"),
+    [
+        ("f.avi", "mpeg4", True),
+        ("f.mkv", "mpeg4", True),
+        ("f.mp4", "mpeg4", False),
+        ("f.mov", "mpeg4", False),
+        ("f.webm", "libvpx", True),
+    ],
 )
 @pytest.mark.parametrize("share", [0.4, 0.7, 0.95])
-def test_a_cut_film_is_refused(tmp_path: Path, name: str, codec: str, share: float) -> None:
-    write_film(tmp_path / name, FRAMES, codec)
-    assert len(list(read_film(tmp_path / name))) == len(FRAMES)
-    whole = (tmp_path / name).read_bytes()
+def test_a_cut_film_gives_its_whole_frames_then_says_so(
+    tmp_path: Path, name: str, codec: str, has_index_first: bool, share: float
+) -> None:
+    write_film(tmp_path / name, NOISE, codec)
+    frames = list(read_film(tmp_path / name))
+    whole, left = (tmp_path / name).read_bytes(), []
     (tmp_path / name).write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(ImageError, match=rf"{name}: expected a film, cut: expected \d+ bytes, got \d+"):
-        list(read_film(tmp_path / name))
+    with pytest.raises(ImageError, match=rf"{name}: expected a film, cut: expected \d+ bytes, got \d+") as raised:
+        left += read_film(tmp_path / name)
+    assert np.array_equal(left, frames[: len(left)])
+    assert 0 < len(left) < len(frames) if has_index_first else not left
+    assert (f"frames end after {len(left) / 10:.3g} s" in str(raised.value)) == has_index_first
+    assert "\n" not in str(raised.value)
+
+
+def test_a_cut_film_with_its_index_in_front_gives_its_whole_frames(tmp_path: Path) -> None:
+    write_film(tmp_path / "f.mp4", NOISE)
+    with av.open(str(tmp_path / "f.mp4")) as source, av.open(str(tmp_path / "g.mp4"), "w", options=FIRST) as target:
+        stream = target.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(source.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                target.mux(packet)
+    frames, left = list(read_film(tmp_path / "g.mp4")), []
+    whole = (tmp_path / "g.mp4").read_bytes()
+    (tmp_path / "g.mp4").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ImageError, match=r"cut: .* it states 2 s, and its frames end after 0\.\d s$"):
+        left += read_film(tmp_path / "g.mp4")
+    assert 0 < len(left) < len(frames)
+    assert np.array_equal(left, frames[: len(left)])
 
 
 @pytest.mark.parametrize("name", ["f.avi", "f.mkv"])

@@ -140,10 +140,10 @@ def test_a_film_that_ends_midway_keeps_what_was_found(folder: Path, identify: Ru
     frames[:, 80:177, 80:177] = DARK[80:177, 80:177]
     write_film(folder / "cut.avi", list(frames))
     whole = (folder / "cut.avi").read_bytes()
-    (folder / "cut.avi").write_bytes(whole[: len(whole) // 2] + bytes(len(whole) - len(whole) // 2))
+    (folder / "cut.avi").write_bytes(whole[: len(whole) // 2])
     done = identify("cut.avi", "--out", "f.csv")
     assert done.returncode == 1
-    assert "cut.avi: expected a film, damaged: it states 1.2 s" in done.stderr
+    assert f"cut.avi: expected a film, cut: expected {len(whole)} bytes, got {len(whole) // 2}" in done.stderr
     assert 0 < len(written(folder / "f.csv")) < 12
 
 
