@@ -285,11 +285,12 @@ static double median_difference(const uint8_t *gray, int64_t width, uint16_t *hi
     return (middle[0] + middle[1]) / 2.0;
 }
 
-/* Median absolute second differences of an image's whole blocks of 16 × 16, from its second row and column on. */
-EXPORT void block_medians(const uint8_t *gray, int64_t height, int64_t width, double *medians, int64_t down, int64_t across) {
+/* Median absolute second differences of blocks of 16 × 16 of an image, from its second row and column on, `step` blocks apart. */
+EXPORT void block_medians(const uint8_t *gray, int64_t height, int64_t width, int64_t step, double *medians, int64_t down,
+                          int64_t across) {
     uint16_t histogram[LEVELS] = {0};
     (void)height;
     for (int64_t y = 0; y < down; y++)
         for (int64_t x = 0; x < across; x++)
-            medians[y * across + x] = median_difference(gray + BLOCK * (y * width + x), width, histogram);
+            medians[y * across + x] = median_difference(gray + BLOCK * step * (y * width + x), width, histogram);
 }

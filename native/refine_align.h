@@ -91,6 +91,7 @@ status set_surroundings(surroundings *around, const uint8_t *gray, int64_t heigh
                         double size, double level_side, bool has_crop, memory *taken);
 bool is_too_small(const surroundings *around);
 picture softened_picture(picture image, memory *taken);
+EXPORT void softened(const float *image, int64_t height, int64_t width, float *rows, float *result);
 void sample(const coarse *search, picture image, const double *center, const double *shape, double size, float level,
             float *values);
 int64_t best_shape(const coarse *search, picture image, const double *center, double size, int64_t first, int64_t count,

@@ -31,6 +31,9 @@ RIM = 0.55
 MOST_EXPECTED = 0.95
 """Of what is known of a marker's perspective, the share that may have been expected beforehand."""
 
+_NOISE_BLOCKS = 8000
+"""Blocks of 16 × 16 pixels of which an image's noise is told, at least: all those of 2 megapixels. Set by hand."""
+
 CELLS = 11
 """Along each side: the pattern's nine, and one beyond on either side."""
 
@@ -54,7 +57,7 @@ _align_each = function(
     "f8 hopeless, const f8[knot_count] knots, f8[n,18] theta, f8[n,4] fits, f8[n,8] figures, f8[n,121] sums, "
     "f8[n,121] counts, f8[n,121] all)"
 )
-_block_medians = function("void block_medians(const u1[height,width] gray, f8[down,across] medians)")
+_block_medians = function("void block_medians(const u1[height,width] gray, i8 step, f8[down,across] medians)")
 
 
 @dataclass(frozen=True)
@@ -236,13 +239,16 @@ def spread_of(covariance: NDArray[np.float64], precision: float) -> FitSpread:
 def noise_sigma_of(gray: NDArray[np.uint8]) -> float:
     """Return the image's noise, grey levels: the lower third of blocks' medians of a second difference.
 
+    Of a large image every second block is looked at along either side, or every third, ….
+
     Immerkær (1996, doi:10.1006/cviu.1996.0060), made robust against texture.
     """
     rows, columns = (max(length - 2, 0) // 16 for length in gray.shape)
     if rows == 0 or columns == 0:
         return 0.3
-    medians = np.empty((rows, columns))
-    _block_medians(gray, medians)
+    step = max(1, int(np.sqrt(rows * columns / _NOISE_BLOCKS)))
+    medians = np.empty((-(-rows // step), -(-columns // step)))
+    _block_medians(gray, step, medians)
     return max(float(np.quantile(1.4826 / 6 * medians, 0.3)), 0.3)
 
 

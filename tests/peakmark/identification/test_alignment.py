@@ -24,6 +24,17 @@ def test_noise_is_the_lower_third_of_medians_of_a_filtered_image() -> None:
     assert noise_sigma_of(gray) == pytest.approx(np.quantile(medians, 0.3))
 
 
+def test_noise_of_a_large_image_is_told_from_every_second_block_along_either_side() -> None:
+    rng = np.random.default_rng(5)
+    gray = np.clip(np.rint(128 + rng.normal(0, 3, (2900, 3000))), 0, 255).astype(np.uint8)
+    told = noise_sigma_of(gray)
+    for lines in (gray, gray.T):
+        number = np.arange(len(lines))
+        lines[(number // 16 % 2 == 1) & (number % 16 > 1)] = 0
+    assert told == pytest.approx(3, rel=0.08)
+    assert noise_sigma_of(gray) == told
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (2, 500), (17, 17), (0, 4)])
 def test_noise_of_images_without_a_block_is_the_least(shape: tuple[int, int]) -> None:
     assert noise_sigma_of(np.zeros(shape, np.uint8)) == 0.3
