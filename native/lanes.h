@@ -13,6 +13,8 @@ typedef double double4 __attribute__((vector_size(32)));
 typedef float float4 __attribute__((vector_size(16)));
 typedef float float8 __attribute__((vector_size(32)));
 typedef int32_t lanes8 __attribute__((vector_size(32))); /* all bits of a lane are set where a comparison holds */
+typedef uint32_t bits8 __attribute__((vector_size(32)));
+typedef uint16_t shorts16 __attribute__((vector_size(32)));
 
 static inline double4 load4(const double *from) {
     double4 lanes;
@@ -22,6 +24,20 @@ static inline double4 load4(const double *from) {
 
 static inline float8 load8(const float *from) {
     float8 lanes;
+    memcpy(&lanes, from, sizeof lanes);
+    return lanes;
+}
+
+static inline lanes8 load_lanes8(const int32_t *from) {
+    lanes8 lanes;
+    memcpy(&lanes, from, sizeof lanes);
+    return lanes;
+}
+
+static inline bits8 load_bits8(const int32_t *from) { return (bits8)load_lanes8(from); }
+
+static inline shorts16 load_shorts16(const uint16_t *from) {
+    shorts16 lanes;
     memcpy(&lanes, from, sizeof lanes);
     return lanes;
 }

@@ -2,16 +2,19 @@
 
 #include <math.h>
 #include <string.h>
+#include "lanes.h"
 #include "peak.h"
 
 enum { RADIUS = 6, LINES = 2 * RADIUS + 1, SAMPLES = 113, GROUPS = 72, CIRCLE = GROUPS + 12 };
 static const float CLOSE = 1 - 0x1p-12f; /* windows within this factor of the strongest are summed again */
 static const float NO_SAMPLE = -1;
 
+typedef float pair __attribute__((vector_size(8)));
+
 /* Haar responses around one key point: `count` of them, and their directions in whole degrees 0…359. */
 typedef struct {
     int64_t count;
-    float x[SAMPLES], y[SAMPLES];
+    pair xy[SAMPLES];
     int32_t degrees[SAMPLES];
 } responses;
 
@@ -55,21 +58,20 @@ static void sum_boxes(const uint32_t *sums, const int64_t *corners, int64_t coun
                       int32_t boxes[4][SAMPLES]) {
     for (int64_t k = 0; k < count; k++) {
         const uint32_t *a = sums + corners[k], *m = a + half_rows, *b = m + half_rows;
-        uint32_t a0 = a[0], a1 = a[half], a2 = a[2 * half], m0 = m[0], m2 = m[2 * half];
-        uint32_t b0 = b[0], b1 = b[half], b2 = b[2 * half];
-        boxes[0][k] = (int32_t)((b1 - b0) - (a1 - a0)), boxes[1][k] = (int32_t)((b2 - b1) - (a2 - a1));
-        boxes[2][k] = (int32_t)((m2 - m0) - (a2 - a0)), boxes[3][k] = (int32_t)((b2 - b0) - (m2 - m0));
+        uint32_t left = b[0] - a[0], middle = b[half] - a[half], right = b[2 * half] - a[2 * half];
+        uint32_t north = m[2 * half] - m[0] - (a[2 * half] - a[0]);
+        boxes[0][k] = (int32_t)(middle - left), boxes[1][k] = (int32_t)(right - middle);
+        boxes[2][k] = (int32_t)north, boxes[3][k] = (int32_t)(right - left - north);
     }
 }
 
 /* Weighted Haar responses and their direction, each box mean rounded as OpenCV's. */
 static void haar_responses(int32_t boxes[4][SAMPLES], const float *weights, float mean, responses *found) {
     for (int64_t k = 0; k < found->count; k++) {
-        found->x[k] = ((float)boxes[1][k] * mean - (float)boxes[0][k] * mean) * weights[k];
-        found->y[k] = ((float)boxes[2][k] * mean - (float)boxes[3][k] * mean) * weights[k];
-    }
-    for (int64_t k = 0; k < found->count; k++) {
-        float degree = rintf(atan2_degrees(found->y[k], found->x[k]));
+        float x = ((float)boxes[1][k] * mean - (float)boxes[0][k] * mean) * weights[k];
+        float y = ((float)boxes[2][k] * mean - (float)boxes[3][k] * mean) * weights[k];
+        float degree = rintf(atan2_degrees(y, x));
+        found->xy[k][0] = x, found->xy[k][1] = y;
         found->degrees[k] = degree >= 0 && degree < 360 ? (int32_t)degree : 0; /* nan of filters without a pixel, too */
     }
 }
@@ -77,66 +79,77 @@ static void haar_responses(int32_t boxes[4][SAMPLES], const float *weights, floa
 /* The vectors summed by direction: the exact multiples of 5°, and the other vectors of the groups of 5° between them.
    The circle begins six groups early and ends six late, so that windows need not wrap. */
 typedef struct {
-    float exact_x[CIRCLE], exact_y[CIRCLE], rest_x[CIRCLE], rest_y[CIRCLE];
+    pair exact[CIRCLE], rest[CIRCLE];
 } circle;
 
-static void close_circle(float *sums) {
+static void close_circle(pair *sums) {
     memcpy(sums, sums + GROUPS, 6 * sizeof *sums);
     memcpy(sums + GROUPS + 6, sums + 6, 6 * sizeof *sums);
 }
 
 static void bin_directions(const responses *found, circle *bins) {
-    memset(bins, 0, sizeof *bins);
+    int32_t slots[SAMPLES];
     for (int64_t k = 0; k < found->count; k++) {
         int32_t group = found->degrees[k] / 5;
-        bool is_exact = found->degrees[k] == 5 * group;
-        *((is_exact ? bins->exact_x : bins->rest_x) + group + 6) += found->x[k];
-        *((is_exact ? bins->exact_y : bins->rest_y) + group + 6) += found->y[k];
+        slots[k] = group + (found->degrees[k] == 5 * group ? 6 : 6 + CIRCLE);
     }
-    close_circle(bins->exact_x), close_circle(bins->exact_y), close_circle(bins->rest_x), close_circle(bins->rest_y);
+    memset(bins, 0, sizeof *bins);
+    pair *sums = bins->exact; /* and behind them the rest */
+    for (int64_t k = 0; k < found->count; k++) sums[slots[k]] += found->xy[k];
+    close_circle(bins->exact), close_circle(bins->rest);
 }
 
-/* Add the squared sum over each window: twelve groups from six early on, without the first exact multiple of 5°. */
-static void add_window_lengths(const float *exact, const float *rest, float *lengths) {
-    float all[CIRCLE], pairs[CIRCLE], fours[CIRCLE];
-    for (int64_t k = 0; k < CIRCLE; k++) all[k] = rest[k] + exact[k];
-    for (int64_t k = 0; k < CIRCLE - 1; k++) pairs[k] = all[k] + all[k + 1];
-    for (int64_t k = 0; k < CIRCLE - 3; k++) fours[k] = pairs[k] + pairs[k + 2];
-    for (int64_t k = 0; k < GROUPS; k++) {
-        float total = fours[k] + fours[k + 4] + fours[k + 8] - exact[k];
-        lengths[k] += total * total;
-    }
+/* Squared sum over each window: twelve groups from six early on, without the first exact multiple of 5°; x and y
+   alternate. */
+static void window_lengths(const float *exact, const float *rest, float *lengths) {
+    float all[2 * CIRCLE], twos[2 * CIRCLE], fours[2 * CIRCLE], totals[2 * GROUPS];
+    for (int64_t k = 0; k < 2 * CIRCLE; k++) all[k] = rest[k] + exact[k];
+    for (int64_t k = 0; k < 2 * (CIRCLE - 1); k++) twos[k] = all[k] + all[k + 2];
+    for (int64_t k = 0; k < 2 * (CIRCLE - 3); k++) fours[k] = twos[k] + twos[k + 4];
+    for (int64_t k = 0; k < 2 * GROUPS; k++) totals[k] = fours[k] + fours[k + 8] + fours[k + 16] - exact[k];
+    for (int64_t k = 0; k < GROUPS; k++)
+        lengths[k] = totals[2 * k] * totals[2 * k] + totals[2 * k + 1] * totals[2 * k + 1];
 }
 
 /* Sum of the vectors less than 30° from the centre, in order. */
-static void sum_window(const responses *found, int32_t center, float *sum_x, float *sum_y) {
-    *sum_x = *sum_y = 0;
+static pair sum_window(const responses *found, int32_t center) {
+    int32_t is_inside[SAMPLES], inside[SAMPLES + 1];
+    int64_t count = 0;
     for (int64_t k = 0; k < found->count; k++) {
         int32_t apart = found->degrees[k] < center ? center - found->degrees[k] : found->degrees[k] - center;
-        bool is_inside = apart < 30 || apart > 330;
-        *sum_x += is_inside ? found->x[k] : 0;
-        *sum_y += is_inside ? found->y[k] : 0;
+        is_inside[k] = (apart < 30) | (apart > 330);
     }
+    for (int64_t k = 0; k < found->count; k++) inside[count] = (int32_t)k, count += is_inside[k];
+    pair sum = {0, 0};
+    for (int64_t k = 0; k < count; k++) sum += found->xy[inside[k]];
+    return sum;
+}
+
+/* Mark the windows that may be the longest; none that is nan. */
+static void flag_longest(const float *lengths, uint8_t *flags) {
+    float8 longest = {0};
+    for (int64_t k = 0; k < GROUPS; k += 8) longest = choose8(load8(lengths + k) > longest, load8(lengths + k), longest);
+    float limit = most8(longest) * CLOSE;
+    for (int64_t k = 0; k < GROUPS; k++) flags[k] = lengths[k] >= limit;
 }
 
 /* The angle of the 60° window, tried every 5°, where the sum of vectors is longest. Sums over groups tell which windows
    can win; only those are summed vector by vector, in OpenCV's order. */
 static float strongest_window(const responses *found) {
     circle bins;
-    float lengths[GROUPS] = {0}, highest = 0, best = 0, best_x = 0, best_y = 0;
+    uint8_t flags[GROUPS];
+    float lengths[GROUPS], best = 0;
+    pair direction = {0, 0};
     bin_directions(found, &bins);
-    add_window_lengths(bins.exact_x, bins.rest_x, lengths);
-    add_window_lengths(bins.exact_y, bins.rest_y, lengths);
-    for (int64_t window = 0; window < GROUPS; window++)
-        highest = lengths[window] > highest ? lengths[window] : highest;
+    window_lengths((const float *)bins.exact, (const float *)bins.rest, lengths);
+    flag_longest(lengths, flags);
     for (int32_t window = 0; window < GROUPS; window++) {
-        if (!(lengths[window] >= highest * CLOSE)) continue;
-        float sum_x, sum_y;
-        sum_window(found, 5 * window, &sum_x, &sum_y);
-        float length = sum_x * sum_x + sum_y * sum_y;
-        if (length > best) best = length, best_x = sum_x, best_y = sum_y;
+        if (!flags[window]) continue;
+        pair sum = sum_window(found, 5 * window);
+        float length = sum[0] * sum[0] + sum[1] * sum[1];
+        if (length > best) best = length, direction = sum;
     }
-    return atan2_degrees(-best_y, best_x);
+    return atan2_degrees(-direction[1], direction[0]);
 }
 
 EXPORT void measure_angles(const int32_t *integral, int64_t rows, int64_t stride, int64_t height, int64_t width,

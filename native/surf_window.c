@@ -1,27 +1,25 @@
-/* Serves peakmark/surf/window.py. */
+/* Serves peakmark/surf/window.py: windows. In OpenCV's arithmetic, but that positions are rounded to 2^-23 px. */
 
 #include <math.h>
 #include <string.h>
 #include "elementary.h"
+#include "lanes.h"
 #include "surf_window.h"
 
-/* Averages this close to half a grey level are computed again in OpenCV's arithmetic, which decides the rounding. */
-static const float NEAR_HALF = 0x1p-11f;
+enum { PIXEL_BITS = 23, PIXEL = 1 << PIXEL_BITS }; /* positions in 2^-23 px are digits of single-precision numbers */
 
-bool take_buffers(buffers *b, int64_t largest_side, memory *taken) {
-    int64_t pitch = pitch_of(most(largest_side, PATCH_SIDE));
-    int64_t patch = (PATCH_SIDE + 1) * PATCH_PITCH;
-    b->starts = take(taken, 2 * pitch, sizeof *b->starts);
-    b->quads = take(taken, CHUNK + pitch, sizeof *b->quads);
-    b->window = take(taken, pitch * pitch, sizeof *b->window);
-    b->rows = take(taken, pitch, sizeof *b->rows);
-    b->columns = take(taken, pitch * PATCH_PITCH, sizeof *b->columns);
-    b->patch = take(taken, patch, sizeof *b->patch);
-    if (!b->starts || !b->quads || !b->window || !b->rows || !b->columns || !b->patch) return false;
-    memset(b->columns, 0, (size_t)(pitch * PATCH_PITCH) * sizeof *b->columns);
-    memset(b->patch, 0, (size_t)patch * sizeof *b->patch);
-    return true;
-}
+/* A window's steps from row to row, px, and in a block those from a row's first sample to the others, in 2^-23 px. Of
+   sixteen samples those in odd columns come last: the order in which `interpolate` joins them. */
+typedef struct {
+    float sine, cosine;
+    int32_t along_x[BLOCK], along_y[BLOCK];
+} rotation;
+
+/* A part of a window: its rows' first samples relative to a pixel close by, in 2^-23 px, and where the image ends. */
+typedef struct {
+    int64_t left, top, rows, columns; /* columns of whole vectors */
+    int32_t x[BLOCK], y[BLOCK], first_x, first_y, last_x, last_y;
+} block;
 
 static void interleave_row(const uint8_t *restrict upper, const uint8_t *restrict lower, int64_t width,
                            uint16_t *restrict row) {
@@ -35,128 +33,188 @@ EXPORT void interleave_rows(const uint8_t *gray, int64_t height, int64_t width, 
         interleave_row(gray + y * width, gray + least(y + 1, height - 1) * width, width, pairs + y * stride);
 }
 
-/* ---- windows ---- */
+/* ---- positions ---- */
 
-/* A rotated window: its first sample relative to a pixel close to it, its steps, and where the image ends. */
-typedef struct {
-    float x, y, sine, cosine;
-    int64_t left, top, side, pitch;
-    float first_x, first_y, last_x, last_y;
-    bool is_inside;
-} rotation;
-
-/* Whether a window, with the lanes that fill its rows up to the pitch, stays two pixels inside. */
-static bool is_window_inside(float x, float y, float sine, float cosine, int64_t side, int64_t height, int64_t width) {
-    float reach = (float)pitch_of(side) - (float)side * 0.5f, span = reach * (fabsf(sine) + fabsf(cosine)) + 2.0f;
-    return x - span >= 0 && y - span >= 0 && x + span < (float)width && y + span < (float)height;
-}
-
-/* Distances from a pixel close to the window keep single precision fine: 1e-5 px and better. Even coordinates, as halves
-   are rounded to even. */
-static int64_t near_pixel(float position, float span, int64_t length) {
-    int64_t pixel = least(most((int64_t)floorf(position - span), -(int64_t)(2 * span)), length);
-    return pixel - (pixel & 1);
-}
-
-static rotation rotate(const paired *image, float x, float y, float angle_deg, int64_t side) {
-    double sine, cosine;
-    same_sincos((double)(angle_deg * (float)(PI / 180)), &sine, &cosine);
-    rotation r = {.sine = (float)-sine, .cosine = (float)cosine, .side = side, .pitch = pitch_of(side)};
-    float span = (float)side * (fabsf(r.sine) + fabsf(r.cosine)) * 0.5f + 2.0f;
-    r.left = near_pixel(x, span, image->width), r.top = near_pixel(y, span, image->height);
-    r.is_inside = is_window_inside(x, y, r.sine, r.cosine, side, image->height, image->width);
+/* First sample of each row, all x and then all y: OpenCV steps from row to row in single precision. */
+static void start_rows(const rotation *r, float x, float y, int64_t side, float *starts) {
     float reach = -(float)(side - 1) / 2.0f;
-    r.x = x + reach * r.cosine + reach * r.sine, r.y = y - reach * r.sine + reach * r.cosine;
-    r.first_x = (float)-r.left, r.first_y = (float)-r.top;
-    r.last_x = (float)(image->width - 1 - r.left), r.last_y = (float)(image->height - 1 - r.top);
-    return r;
-}
-
-/* First sample of each row; OpenCV steps from row to row in single precision. */
-static void start_rows(const rotation *r, float *starts) {
-    float x = r->x, y = r->y;
-    for (int64_t i = 0; i < r->side; i++) {
-        starts[i] = x - (float)r->left, starts[r->side + i] = y - (float)r->top;
+    x = x + reach * r->cosine + reach * r->sine, y = y - reach * r->sine + reach * r->cosine;
+    for (int64_t i = 0; i < side; i++) {
+        starts[i] = x, starts[side + i] = y;
         x += r->sine, y += r->cosine;
     }
 }
 
-/* Index in the image of the upper left pixel of each sample of a row, relative to (left, top). */
-static void index_row(float x, float y, const rotation *r, int32_t stride, int32_t *restrict indices) {
-    const float sine = r->sine, cosine = r->cosine;
-    for (int32_t j = 0; j < (int32_t)r->pitch; j++) {
-        int32_t column = (int32_t)(x + (float)j * cosine), line = (int32_t)(y - (float)j * sine);
-        indices[j] = line * stride + column;
+static rotation rotate(float angle_deg) {
+    double sine, cosine;
+    same_sincos((double)(angle_deg * (float)(PI / 180)), &sine, &cosine);
+    rotation r = {.sine = (float)-sine, .cosine = (float)cosine};
+    for (int32_t j = 0; j < BLOCK; j++) {
+        int32_t column = j / VECTOR * VECTOR + 2 * (j % 8) + j % VECTOR / 8;
+        r.along_x[j] = (int32_t)rint(column * (double)r.cosine * PIXEL);
+        r.along_y[j] = (int32_t)rint(column * (double)-r.sine * PIXEL);
     }
+    return r;
 }
 
-/* The same where the window may leave the image: samples without four pixels take the nearest. */
-static void index_border_row(float x0, float y0, const rotation *r, int32_t stride, int32_t *restrict indices) {
-    const rotation w = *r;
-    for (int32_t j = 0; j < (int32_t)w.pitch; j++) {
-        float x = x0 + (float)j * w.cosine, y = y0 - (float)j * w.sine;
-        float column = (float)(int32_t)x, line = (float)(int32_t)y, near_x = rintf(x), near_y = rintf(y);
-        bool is_inside = (column >= w.first_x) & (column < w.last_x) & (line >= w.first_y) & (line < w.last_y);
-        near_x = near_x > w.first_x ? near_x : w.first_x, near_y = near_y > w.first_y ? near_y : w.first_y;
-        near_x = near_x < w.last_x ? near_x : w.last_x, near_y = near_y < w.last_y ? near_y : w.last_y;
-        indices[j] = (int32_t)(is_inside ? line : near_y) * stride + (int32_t)(is_inside ? column : near_x);
-    }
+/* Rows' first samples along one axis, relative to an even pixel, as halves are rounded to even; return the pixel. */
+static double locate_rows(const float *restrict starts, double along, int64_t rows, int32_t *restrict positions) {
+    double pixel = 2 * floor(0.5 * ((double)starts[0] + along));
+    for (int64_t i = 0; i < rows; i++) positions[i] = (int32_t)rint(((double)starts[i] + along - pixel) * PIXEL);
+    return pixel;
+}
+
+/* Blocks far outside see the same pixels of the image from closer by. */
+static int64_t not_far(double pixel, int64_t length) {
+    return (int64_t)lesser(greater(pixel, -4.0 * BLOCK), (double)(length - length % 2 + 4 * BLOCK));
+}
+
+static block locate(const paired *image, const rotation *r, const float *starts, int64_t side, int64_t row,
+                    int64_t column) {
+    block k = {.rows = least(BLOCK, side - row), .columns = least(BLOCK, pitch_of(side) - column)};
+    double along = (double)column;
+    k.left = not_far(locate_rows(starts + row, along * r->cosine, k.rows, k.x), image->width);
+    k.top = not_far(locate_rows(starts + side + row, along * -r->sine, k.rows, k.y), image->height);
+    k.first_x = (int32_t)-k.left, k.last_x = (int32_t)(image->width - 1 - k.left);
+    k.first_y = (int32_t)-k.top, k.last_y = (int32_t)(image->height - 1 - k.top);
+    return k;
+}
+
+/* Whether all samples between two rows' first ones, and those `along` them, lie more than a pixel inside. */
+static bool stays_inside(int32_t a, int32_t b, int32_t along, int32_t first, int32_t last) {
+    int32_t low = (a < b ? a : b) + (along < 0 ? along : 0), high = (a < b ? b : a) + (along > 0 ? along : 0);
+    return low >> PIXEL_BITS > first && high >> PIXEL_BITS < last - 1;
+}
+
+static bool is_inside(const block *k, const rotation *r) {
+    int64_t row = k->rows - 1, column = k->columns - 1;
+    return stays_inside(k->x[0], k->x[row], r->along_x[column], k->first_x, k->last_x) &&
+           stays_inside(k->y[0], k->y[row], r->along_y[column], k->first_y, k->last_y);
+}
+
+/* ---- pixels ---- */
+
+/* Index of the upper left pixel of each sample of a row, relative to (left, top). */
+static void index_row(const block *k, const rotation *r, int64_t row, int32_t stride, int32_t *restrict indices) {
+    const int32_t x = k->x[row], y = k->y[row];
+    for (int64_t j = 0; j < k->columns; j++)
+        indices[j] = ((y + r->along_y[j]) >> PIXEL_BITS) * stride + ((x + r->along_x[j]) >> PIXEL_BITS);
 }
 
 /* Replace indices by pixels: upper left, lower left, upper right, lower right, from the lowest byte on. */
-static void load_quads(const uint16_t *pairs, int64_t base, int32_t *quads, int64_t n) {
-    for (int64_t j = 0; j < n; j++) {
-        const uint16_t *at = pairs + (base + quads[j]);
-        quads[j] = (int32_t)((uint32_t)at[0] | (uint32_t)at[1] << 16);
+static inline void load_quads(const uint16_t *near, int32_t *quads) {
+    for (int64_t j = 0; j < VECTOR; j++) memcpy(quads + j, near + quads[j], sizeof *quads);
+}
+
+/* The coordinate nearest to a position, in the image; halves to even. */
+static inline int32_t nearest(int32_t position, int32_t first, int32_t last) {
+    int32_t pixel = (position + PIXEL / 2 - 1 + (position >> PIXEL_BITS & 1)) >> PIXEL_BITS;
+    pixel = pixel > first ? pixel : first;
+    return pixel < last ? pixel : last;
+}
+
+/* Whether the image has four pixels around a position. */
+static inline bool has_four(const block *k, int32_t x, int32_t y) {
+    int32_t column = x >> PIXEL_BITS, line = y >> PIXEL_BITS;
+    return (column >= k->first_x) & (column < k->last_x) & (line >= k->first_y) & (line < k->last_y);
+}
+
+/* As `index_row` where the window may leave the image: of samples without four pixels the nearest one. */
+static void index_border_row(const block *at, const rotation *r, int64_t row, int32_t stride, int32_t *restrict indices) {
+    const block k = *at;
+    for (int64_t j = 0; j < k.columns; j++) {
+        int32_t x = k.x[row] + r->along_x[j], y = k.y[row] + r->along_y[j];
+        bool is_whole = has_four(&k, x, y);
+        int32_t column = nearest(x, k.first_x, k.last_x), line = nearest(y, k.first_y, k.last_y);
+        indices[j] = (is_whole ? y >> PIXEL_BITS : line) * stride + (is_whole ? x >> PIXEL_BITS : column);
     }
 }
 
-static inline uint8_t bilinear(uint32_t quad, float x_share, float y_share) {
-    float upper_left = (float)(int32_t)(quad & 255), lower_left = (float)(int32_t)(quad >> 8 & 255);
-    float upper_right = (float)(int32_t)(quad >> 16 & 255), lower_right = (float)(int32_t)(quad >> 24);
-    float upper = upper_left + x_share * (upper_right - upper_left);
-    float lower = lower_left + x_share * (lower_right - lower_left);
-    return (uint8_t)(int32_t)rintf(upper + y_share * (lower - upper));
-}
-
-static void interpolate_row(float x0, float y0, const rotation *r, const int32_t *restrict quads,
-                            uint8_t *restrict window) {
-    const float sine = r->sine, cosine = r->cosine;
-    for (int32_t j = 0; j < (int32_t)r->pitch; j++) {
-        float x = x0 + (float)j * cosine, y = y0 - (float)j * sine;
-        window[j] = bilinear((uint32_t)quads[j], x - (float)(int32_t)x, y - (float)(int32_t)y);
+/* Give samples without four pixels the nearest one four times. */
+static void repeat_nearest(const block *at, const rotation *r, int64_t row, int32_t *restrict quads) {
+    const block k = *at;
+    for (int64_t j = 0; j < k.columns; j++) {
+        bool is_whole = has_four(&k, k.x[row] + r->along_x[j], k.y[row] + r->along_y[j]);
+        uint32_t quad = (uint32_t)quads[j], four = (quad & 255) * 0x01010101u;
+        quads[j] = (int32_t)(is_whole ? quad : four);
     }
 }
 
-static void interpolate_border_row(float x0, float y0, const rotation *r, const int32_t *restrict quads,
-                                   uint8_t *restrict window) {
-    const rotation w = *r;
-    for (int32_t j = 0; j < (int32_t)w.pitch; j++) {
-        float x = x0 + (float)j * w.cosine, y = y0 - (float)j * w.sine;
-        float column = (float)(int32_t)x, line = (float)(int32_t)y;
-        bool is_inside = (column >= w.first_x) & (column < w.last_x) & (line >= w.first_y) & (line < w.last_y);
-        window[j] = bilinear((uint32_t)quads[j], is_inside ? x - column : 0, is_inside ? y - line : 0);
+/* ---- samples ---- */
+
+static inline float8 floats(bits8 numbers) { return __builtin_convertvector((lanes8)numbers, float8); }
+
+/* The fractions of a pixel of positions: the digits of numbers from 1 to 2. */
+static inline float8 fractions(bits8 positions) { return (float8)((positions & (PIXEL - 1)) | 0x3f800000) - 1.0f; }
+
+/* Bilinear in OpenCV's order, rounded, halves to even: the lower 16 bits, once 1.5 × 2^23 is added. */
+static inline bits8 bilinear(bits8 quads, float8 right, float8 down) {
+    float8 left = 1.0f - right, up = 1.0f - down;
+    float8 upper_left = floats(quads & 255), lower_left = floats(quads >> 8 & 255);
+    float8 upper_right = floats(quads >> 16 & 255), lower_right = floats(quads >> 24);
+    float8 upper = upper_left * left * up + upper_right * right * up;
+    return (bits8)(upper + lower_left * left * down + lower_right * right * down + 0x1.8p23f);
+}
+
+static inline bits8 sample8(int32_t x, int32_t y, const int32_t *along_x, const int32_t *along_y, const int32_t *quads) {
+    bits8 right = load_bits8(along_x) + (uint32_t)x, down = load_bits8(along_y) + (uint32_t)y;
+    return bilinear(load_bits8(quads), fractions(right), fractions(down));
+}
+
+/* A vector of samples of a row that starts at (x, y) into the window. */
+static inline void interpolate(const rotation *r, int32_t x, int32_t y, int64_t j, const int32_t *quads, uint16_t *window) {
+    bits8 even = sample8(x, y, r->along_x + j, r->along_y + j, quads);
+    bits8 odd = sample8(x, y, r->along_x + j + 8, r->along_y + j + 8, quads + 8);
+    bits8 both = (even & 0xffff) | odd << 16;
+    memcpy(window, &both, sizeof both);
+}
+
+static inline void interpolate_row(const rotation *r, const block *k, int64_t row, const int32_t *quads, uint16_t *window) {
+    for (int64_t j = 0; j < k->columns; j += VECTOR)
+        interpolate(r, k->x[row], k->y[row], j, quads + j, window + j);
+}
+
+/* Loads take as long as arithmetic, but elsewhere in the processor: a row is loaded while the one before is computed. */
+static void sample_inside(const paired *image, const rotation *r, const block *k, int32_t *quads, uint16_t *window,
+                          int64_t pitch) {
+    const uint16_t *near = image->pairs + (k->top * image->stride + k->left);
+    const int64_t columns = k->columns, last = k->rows - 1;
+    for (int64_t i = 0; i <= last; i++) index_row(k, r, i, (int32_t)image->stride, quads + i * columns);
+    for (int64_t j = 0; j < columns; j += VECTOR) load_quads(near, quads + j);
+    for (int64_t i = 0; i < last; i++, quads += columns, window += pitch) {
+        const int32_t x = k->x[i], y = k->y[i];
+        for (int64_t j = 0; j < columns; j += VECTOR) {
+            load_quads(near, quads + columns + j);
+            interpolate(r, x, y, j, quads + j, window + j);
+        }
+    }
+    interpolate_row(r, k, last, quads, window);
+}
+
+static void sample_border(const paired *image, const rotation *r, const block *k, int32_t *quads, uint16_t *window,
+                          int64_t pitch) {
+    const uint16_t *near = image->pairs + (k->top * image->stride + k->left);
+    for (int64_t i = 0; i < k->rows; i++) {
+        index_border_row(k, r, i, (int32_t)image->stride, quads);
+        for (int64_t j = 0; j < k->columns; j += VECTOR) load_quads(near, quads + j);
+        repeat_nearest(k, r, i, quads);
+        interpolate_row(r, k, i, quads, window + i * pitch);
     }
 }
 
 /* Sample a window rotated by an angle: bilinear and rounded to 8 bits; outside the image the nearest pixel. What lies
    between the rows is undefined. */
 void sample_rotated(const paired *image, float x, float y, float angle_deg, int64_t side, buffers *b) {
-    rotation r = rotate(image, x, y, angle_deg, side);
-    int64_t chunk = most(CHUNK / r.pitch, 1), base = r.top * image->stride + r.left;
-    int32_t stride = (int32_t)image->stride;
-    start_rows(&r, b->starts);
-    for (int64_t first = 0; first < side; first += chunk) {
-        int64_t end = least(first + chunk, side);
-        for (int64_t i = first; i < end; i++)
-            (r.is_inside ? index_row : index_border_row)(b->starts[i], b->starts[side + i], &r, stride,
-                                                         b->quads + (i - first) * r.pitch);
-        load_quads(image->pairs, base, b->quads, (end - first) * r.pitch);
-        for (int64_t i = first; i < end; i++)
-            (r.is_inside ? interpolate_row : interpolate_border_row)(b->starts[i], b->starts[side + i], &r,
-                                                                     b->quads + (i - first) * r.pitch,
-                                                                     b->window + i * r.pitch);
-    }
+    rotation r = rotate(angle_deg);
+    int64_t pitch = pitch_of(side);
+    start_rows(&r, x, y, side, b->starts);
+    for (int64_t column = 0; column < side; column += BLOCK)
+        for (int64_t row = 0; row < side; row += BLOCK) {
+            block k = locate(image, &r, b->starts, side, row, column);
+            uint16_t *window = b->window + row * pitch + column;
+            if (is_inside(&k, &r)) sample_inside(image, &r, &k, b->quads, window, pitch);
+            else sample_border(image, &r, &k, b->quads, window, pitch);
+        }
 }
 
 /* Copy a window rotated by 270°, whole pixels, rows running up the image; outside the image the nearest pixel. */
@@ -166,118 +224,9 @@ void sample_upright(const paired *image, float x, float y, int64_t side, buffers
     for (int64_t j = 0; j < side; j++) {
         const uint16_t *row = image->pairs + least(most(last_row - j, 0), image->height - 1) * image->stride;
         for (int64_t i = 0; i < side; i++)
-            b->window[i * pitch + j] = (uint8_t)(row[least(most(first_column + i, 0), image->width - 1)] & 255);
+            b->window[i * pitch + j] = (uint16_t)(row[least(most(first_column + i, 0), image->width - 1)] & 255);
     }
 }
-
-/* ---- patches; lengths are counted in 1 / 21 px, so that pixels are 21 and patch pixels `side` units wide ---- */
-
-static void add_bytes(const uint8_t *restrict values, int32_t weight, int32_t *restrict sums, int64_t n) {
-    for (int64_t x = 0; x < n; x++) sums[x] += weight * values[x];
-}
-
-static void add_numbers(const int32_t *restrict values, int32_t weight, int32_t *restrict sums, int64_t n) {
-    for (int64_t x = 0; x < n; x++) sums[x] += weight * values[x];
-}
-
-/* The part of pixel x that patch cell i covers, in units. */
-static int64_t covered(int64_t x, int64_t i, int64_t side) {
-    return least((i + 1) * side, (x + 1) * PATCH_SIDE) - most(i * side, x * PATCH_SIDE);
-}
-
-static int64_t first_pixel(int64_t i, int64_t side) { return i * side / PATCH_SIDE; }
-static int64_t end_pixel(int64_t i, int64_t side) { return ((i + 1) * side + PATCH_SIDE - 1) / PATCH_SIDE; }
-
-/* Weighted sums of the window's rows, one for each row of the patch; written column by column. */
-static void average_rows(int64_t side, buffers *b) {
-    int64_t pitch = pitch_of(side);
-    for (int64_t i = 0; i < PATCH_SIDE; i++) {
-        memset(b->rows, 0, (size_t)pitch * sizeof *b->rows);
-        for (int64_t y = first_pixel(i, side); y < end_pixel(i, side); y++)
-            add_bytes(b->window + y * pitch, (int32_t)covered(y, i, side), b->rows, pitch);
-        for (int64_t x = 0; x < side; x++) b->columns[x * PATCH_PITCH + i] = b->rows[x];
-    }
-}
-
-/* Weighted sums of those columns, one for each column of the patch. */
-static void average_columns(int64_t side, buffers *b) {
-    memset(b->patch, 0, (PATCH_SIDE + 1) * PATCH_PITCH * sizeof *b->patch);
-    for (int64_t j = 0; j < PATCH_SIDE; j++)
-        for (int64_t x = first_pixel(j, side); x < end_pixel(j, side); x++)
-            add_numbers(b->columns + x * PATCH_PITCH, (int32_t)covered(x, j, side), b->patch + j * PATCH_PITCH,
-                        PATCH_PITCH);
-}
-
-/* Share of patch cell `cell` that pixel x covers. */
-static float share(int64_t x, int64_t cell, int64_t side) {
-    return (float)((double)covered(x, cell, side) / (double)side);
-}
-
-/* One patch pixel in single precision, the sums in OpenCV's order. */
-static float average_like_opencv(const uint8_t *window, int64_t side, int64_t i, int64_t j) {
-    int64_t pitch = pitch_of(side), ratio = side / PATCH_SIDE;
-    bool is_whole = side % PATCH_SIDE == 0;
-    float total = 0;
-    for (int64_t y = first_pixel(i, side); y < end_pixel(i, side); y++) {
-        float row = 0;
-        for (int64_t x = first_pixel(j, side); x < end_pixel(j, side); x++)
-            row += (float)window[y * pitch + x] * (is_whole ? 1.0f : share(x, j, side));
-        total += row * (is_whole ? 1.0f : share(y, i, side));
-    }
-    return is_whole ? total * (1.0f / (float)(ratio * ratio)) : total;
-}
-
-static bool is_near_half(float average) { return fabsf(average - floorf(average) - 0.5f) < NEAR_HALF; }
-
-/* Round a patch column to whole levels, averages near half a level as OpenCV's own sums would be. */
-static void round_column(const uint8_t *window, int64_t side, int64_t j, int32_t *restrict column) {
-    float one_by_area = 1.0f / (float)(side * side), averages[PATCH_PITCH];
-    int32_t doubts = 0;
-    for (int64_t i = 0; i < PATCH_PITCH; i++) {
-        averages[i] = (float)column[i] * one_by_area;
-        doubts += is_near_half(averages[i]);
-    }
-    for (int64_t i = 0; doubts && i < PATCH_SIDE; i++)
-        if (is_near_half(averages[i])) averages[i] = average_like_opencv(window, side, i, j);
-    for (int64_t i = 0; i < PATCH_PITCH; i++) column[i] = (int32_t)rintf(averages[i]);
-}
-
-/* First pixel under patch cell i, and the share of the next. */
-static int64_t source_of(int64_t i, int64_t side, double *next) {
-    int64_t y = i * side / PATCH_SIDE;
-    *next = greater((double)(i + 1) - (double)((y + 1) * PATCH_SIDE) / (double)side, 0.0);
-    return y;
-}
-
-/* OpenCV's INTER_AREA where the window is smaller than the patch: linear between neighbouring pixels. */
-static void enlarge(int64_t side, buffers *b) {
-    int64_t pitch = pitch_of(side);
-    for (int64_t i = 0; i < PATCH_SIDE; i++)
-        for (int64_t j = 0; j < PATCH_SIDE; j++) {
-            double down, right;
-            int64_t y = source_of(i, side, &down), x = source_of(j, side, &right);
-            int64_t y1 = least(y + 1, side - 1), x1 = least(x + 1, side - 1);
-            double upper = (1 - right) * b->window[y * pitch + x] + right * b->window[y * pitch + x1];
-            double lower = (1 - right) * b->window[y1 * pitch + x] + right * b->window[y1 * pitch + x1];
-            b->patch[j * PATCH_PITCH + i] = (int32_t)rint((1 - down) * upper + down * lower);
-        }
-}
-
-/* Average the window by area onto the patch, rounded to 8 bits: OpenCV's INTER_AREA. All sums are exact. */
-void average_areas(int64_t side, buffers *b) {
-    if (side < PATCH_SIDE) {
-        enlarge(side, b);
-        return;
-    }
-    average_rows(side, b);
-    average_columns(side, b);
-    for (int64_t k = 0; side == 2 * PATCH_SIDE && k < (PATCH_SIDE + 1) * PATCH_PITCH; k++)
-        b->patch[k] = (b->patch[k] / (PATCH_SIDE * PATCH_SIDE) + 2) >> 2; /* halves up, as OpenCV does in this case */
-    for (int64_t j = 0; side != 2 * PATCH_SIDE && j < PATCH_SIDE; j++)
-        round_column(b->window, side, j, b->patch + j * PATCH_PITCH);
-}
-
-/* ---- the steps by themselves ---- */
 
 EXPORT status cut_window(const uint16_t *pairs, int64_t height, int64_t stride, int64_t width, float x, float y,
                          float angle_deg, bool upright, uint8_t *window, int64_t side) {
@@ -287,22 +236,8 @@ EXPORT status cut_window(const uint16_t *pairs, int64_t height, int64_t stride, 
     bool is_ready = take_buffers(&b, side, &taken);
     if (is_ready && upright) sample_upright(&image, x, y, side, &b);
     if (is_ready && !upright) sample_rotated(&image, x, y, angle_deg, side, &b);
-    for (int64_t i = 0; is_ready && i < side; i++) memcpy(window + i * side, b.window + i * pitch_of(side), (size_t)side);
-    give_back(&taken);
-    return is_ready ? DONE : OUT_OF_MEMORY;
-}
-
-EXPORT status average_window(const uint8_t *window, int64_t side, uint8_t *patch) {
-    memory taken = {.count = 0};
-    buffers b;
-    bool is_ready = take_buffers(&b, side, &taken);
-    for (int64_t i = 0; is_ready && i < side; i++) {
-        memset(b.window + i * pitch_of(side), 0, (size_t)pitch_of(side));
-        memcpy(b.window + i * pitch_of(side), window + i * side, (size_t)side);
-    }
-    if (is_ready) average_areas(side, &b);
-    for (int64_t k = 0; is_ready && k < PATCH_SIDE * PATCH_SIDE; k++)
-        patch[k] = (uint8_t)b.patch[k % PATCH_SIDE * PATCH_PITCH + k / PATCH_SIDE];
+    for (int64_t i = 0; is_ready && i < side; i++)
+        for (int64_t j = 0; j < side; j++) window[i * side + j] = (uint8_t)b.window[i * pitch_of(side) + j];
     give_back(&taken);
     return is_ready ? DONE : OUT_OF_MEMORY;
 }

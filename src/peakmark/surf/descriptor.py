@@ -13,13 +13,16 @@ GRADIENTS = PATCH_SIDE - 1
 CELL_SIGMA = 3.3
 """Standard deviation of the Gaussian window over the patch, in gradients; OpenCV's."""
 
+STRIP_PX = 32
+"""Key points are described strip of rows by strip; set by hand, 16 to 128 take as long."""
+
 _WEIGHTS = np.zeros((GRADIENTS, PATCH_PITCH), dtype=np.float32)
 _WEIGHTS[:, :GRADIENTS] = np.outer(gaussian(GRADIENTS, CELL_SIGMA), gaussian(GRADIENTS, CELL_SIGMA))
 
 
 _describe_rows = function(
     "status describe_rows(const u2[height,stride] pairs, i8 width, const i8[count] rows, const f4[n,2] xy, "
-    "const i4[n] sides, const f4[n] angle, b1 extended, b1 upright, const f4[20,32] weights, f4[n,length] descriptors)"
+    "const i4[n] sides, const f4[n] angle, b1 extended, b1 upright, const f4[20,24] weights, f4[n,length] descriptors)"
 )
 
 
@@ -48,7 +51,7 @@ def describe_windows(
     """
     descriptors = np.empty((len(size), 128 if extended else 64), dtype=np.float32)
     pairs, sides = interleave_rows(gray), window_side(size)
-    rows = np.argsort(xy[:, 1])  # neighbours in the image share its cache lines
+    rows = np.argsort(xy[:, 1] // STRIP_PX * gray.shape[1] + xy[:, 0])  # neighbours in the image share its cache lines
 
     def describe(cut: tuple[int, int]) -> None:
         chosen = rows[slice(*cut)]

@@ -9,7 +9,7 @@ from peakmark.surf.integral import padded_length
 
 PATCH_SIDE = 21
 """Side of the patch, px."""
-PATCH_PITCH = 32
+PATCH_PITCH = 24
 """Distance of the patch's columns in memory: PATCH_SIDE rounded up to whole vectors."""
 
 _interleave_rows = function(

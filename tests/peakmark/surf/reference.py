@@ -263,22 +263,28 @@ def descriptor(
 
 
 def rotated_window(gray: NDArray[np.uint8], x: float, y: float, side: int, angle_deg: float) -> NDArray[np.float64]:
-    """Square window whose rows run along the angle, bilinear, rounded; the nearest pixel outside the image."""
-    cosine, sine = np.cos(np.deg2rad(angle_deg)), -np.sin(np.deg2rad(angle_deg))
-    down, right = np.mgrid[:side, :side] - (side - 1) / 2
-    columns = x + right * cosine + down * sine
-    rows = y - right * sine + down * cosine
+    """Square window whose rows run along the angle, bilinear, rounded; the nearest pixel outside the image.
+
+    In OpenCV's arithmetic: rows begin a step in single precision apart, samples of a row a step in double precision.
+    """
+    one = np.float32(1)
+    angle = np.float64(np.float32(angle_deg) * np.float32(np.pi / 180))
+    cosine, sine, reach = np.float32(np.cos(angle)), np.float32(-np.sin(angle)), np.float32(-(side - 1) / 2)
+    start_x = np.float32(x) + reach * cosine + reach * sine
+    start_y = np.float32(y) - reach * sine + reach * cosine
+    steps = np.full(side - 1, one)
+    columns = np.add.accumulate([start_x, *(steps * sine)], dtype=np.float32)[:, None] + np.arange(side) * float(cosine)
+    rows = np.add.accumulate([start_y, *(steps * cosine)], dtype=np.float32)[:, None] - np.arange(side) * float(sine)
     height, width = gray.shape
     left, top = np.floor(columns).astype(int), np.floor(rows).astype(int)
     inside = (left >= 0) & (left < width - 1) & (top >= 0) & (top < height - 1)
     left = np.where(inside, left, np.clip(np.rint(columns), 0, width - 1)).astype(int)
     top = np.where(inside, top, np.clip(np.rint(rows), 0, height - 1)).astype(int)
-    a, b = np.where(inside, columns - left, 0), np.where(inside, rows - top, 0)
+    a, b = (np.where(inside, at - first, 0).astype(np.float32) for at, first in ((columns, left), (rows, top)))
     right_of, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    upper = (1 - a) * gray[top, left] + a * gray[top, right_of]
-    lower = (1 - a) * gray[below, left] + a * gray[below, right_of]
-    window: NDArray[np.float64] = np.rint((1 - b) * upper + b * lower)
-    return window
+    upper = gray[top, left] * (one - a) * (one - b) + gray[top, right_of] * a * (one - b)
+    window = upper + gray[below, left] * (one - a) * b + gray[below, right_of] * a * b
+    return np.rint(window).astype(np.float64)
 
 
 def averaged(window: NDArray[np.float64], side: int) -> NDArray[np.float64]:

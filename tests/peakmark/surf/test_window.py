@@ -33,9 +33,9 @@ def off_ties(low: float, high: float, step: float) -> st.SearchStrategy[float]:
 @given(x=off_ties(-20, 140, 0.25), y=off_ties(-20, 110, 0.25), angle=off_ties(0, 360, 15), side=st.integers(1, 150))
 def test_rotated_windows_agree_with_the_plain_operator(x: float, y: float, angle: float, side: int) -> None:
     apart = np.abs(cut_window(GRAY, x, y, angle, side) - reference.rotated_window(GRAY, x, y, side, angle))
-    # single precision flips a rounding now and then, or the nearest pixel of a position half-way between two outside
-    assert (apart > 1).sum() <= max(1, 0.01 * apart.size)
-    assert (apart > 0).sum() <= max(1, 0.03 * apart.size)
+    # a position rounded to 2^-23 px flips the rounding of one sample in a million
+    assert apart.max() <= 1
+    assert (apart > 0).sum() <= 2
 
 
 def test_a_window_far_outside_repeats_the_nearest_corner() -> None:
@@ -61,6 +61,14 @@ def test_averaging_is_opencvs_resize(side: int, levels: int) -> None:
         np.testing.assert_array_equal(found, expected)
     else:  # OpenCV enlarges with weights of 11 bits
         np.testing.assert_allclose(found, expected, atol=1)
+
+
+@pytest.mark.parametrize("side", [257, 258, 2901, 3000, 4200])
+def test_sums_of_bright_large_windows_do_not_overflow(side: int) -> None:
+    rng = np.random.default_rng(side)
+    window = cv2.resize(rng.integers(200, 256, (50, 50)).astype(np.uint8), (side, side))
+    expected = cv2.resize(window, (PATCH_SIDE, PATCH_SIDE), interpolation=cv2.INTER_AREA)
+    np.testing.assert_array_equal(average_window(window), expected)
 
 
 @given(side=st.integers(PATCH_SIDE, 90), seed=st.integers(0, 999))
