@@ -12,7 +12,10 @@ from peaksim.corpus.coco import MOST_MARKERS
 from peaksim.corpus.photographs import photographs
 from peaksim.corpus.plan import MOST_ATTEMPTS, corpus_cameras, plan_frame, read_scene
 from peaksim.corpus.sample import camera_values
-from peaksim.corpus.spec import CorpusSpec, MarkerSpread, RandomView, sensor_value
+from peaksim.corpus.spec import CorpusSpec
+from peaksim.corpus.spec_scene import MarkerSpread
+from peaksim.corpus.spec_sensor import sensor_value
+from peaksim.corpus.spec_views import RandomView
 from peaksim.corpus.vary import all_markers, markers_needed, poster_kinds
 from peaksim.errors import InputError, SceneError
 from peaksim.image_file import read_image_8_bits

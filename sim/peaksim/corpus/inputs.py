@@ -14,7 +14,8 @@ from pathlib import Path
 from peaksim import shipped
 from peaksim.corpus.photographs import photographs
 from peaksim.corpus.plan import open_sequence, read_scene
-from peaksim.corpus.spec import CorpusSpec, FlightView
+from peaksim.corpus.spec import CorpusSpec
+from peaksim.corpus.spec_views import FlightView
 from peaksim.errors import InputError, SceneError
 from peaksim.scene.file import find_scene_beside
 from peaksim.scene.schema import EnvironmentTable

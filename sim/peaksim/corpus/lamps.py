@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import LightSpread
+from peaksim.corpus.spec_scene import LightSpread
 from peaksim.corpus.spread import Spread
 from peaksim.scene.lamps import AreaLight
 from peaksim.scene.schema import RoomTable

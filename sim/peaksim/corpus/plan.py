@@ -18,7 +18,11 @@ from peaksim.corpus.cameras import NamedCamera, drawn_cameras
 from peaksim.corpus.draws import Draws, frame_draws, sequence_draws
 from peaksim.corpus.lamps import lamps_in
 from peaksim.corpus.photographs import photographs
-from peaksim.corpus.spec import AnyView, CorpusSpec, FlightView, LightSpread, SensorSpread, WarpedSpread, sensor_value
+from peaksim.corpus.spec import CorpusSpec
+from peaksim.corpus.spec_scene import LightSpread
+from peaksim.corpus.spec_sensor import SensorSpread, sensor_value
+from peaksim.corpus.spec_views import AnyView, FlightView
+from peaksim.corpus.spec_warped import WarpedSpread
 from peaksim.corpus.vary import vary_scene
 from peaksim.corpus.views import is_free, markers_ahead, view_pose
 from peaksim.corpus.warped import POSE, warped_scene

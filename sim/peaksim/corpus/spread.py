@@ -147,3 +147,10 @@ Level = Annotated[Spread, AfterValidator(_within(0, 255))]
 """A grey level."""
 Count = Annotated[Spread, AfterValidator(_within(0, 10_000, whole=True))]
 """A whole number of objects."""
+Weight = NotNegative
+"""Of one choice among several."""
+
+
+def spread_field(value: Any) -> Any:
+    """Return a field whose default is a spread."""
+    return Field(default_factory=lambda: Spread.model_validate(value))

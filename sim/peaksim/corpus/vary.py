@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import (
+from peaksim.corpus.spec import CorpusSpec
+from peaksim.corpus.spec_scene import (
     BendSpread,
     ClutterSpread,
-    CorpusSpec,
     MarkerSpread,
     OccluderSpread,
     PrintSpread,

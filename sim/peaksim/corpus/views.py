@@ -7,7 +7,7 @@ import numpy as np
 
 from peaksim.camera.camera import Camera, Points
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import AnyView, FlightView, MarkerView, RandomView
+from peaksim.corpus.spec_views import AnyView, FlightView, MarkerView, RandomView
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import Pose, compose, invert, look_at, rotation_about, transform
 from peaksim.geometry.trajectory import Trajectory

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from peaksim.camera.camera import Camera
 from peaksim.corpus.draws import Draws
-from peaksim.corpus.spec import BendSpread, PrintSpread, WarpedSpread
+from peaksim.corpus.spec_scene import BendSpread, PrintSpread
+from peaksim.corpus.spec_warped import WarpedSpread
 from peaksim.corpus.vary import bent_marker, drawn_print
 from peaksim.geometry.pose import Pose, look_at, transform
 from peaksim.scene.build_markers import marker_quads

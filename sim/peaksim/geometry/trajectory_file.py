@@ -29,8 +29,9 @@ Format = Literal["tum", "euroc", "kitti"]
 KITTI_INTERVAL_S = 0.1
 """Time between the rows of a KITTI file, whose camera takes 10 images a second (Geiger et al. 2013)."""
 
-SHORTEST_STEP_NS = 1000
-"""Steps of EuRoC's times below it, a million images a second, are times in another unit, and refused."""
+SHORTEST_STEP_NS = 200_000
+"""Steps of EuRoC's times below it, 5 000 images a second, are times in another unit, and refused: also microseconds of
+more than 5 images a second."""
 
 _LARGEST_STAMP_NS = 2**63
 _LARGEST_FILE = 200_000_000  # bytes
@@ -107,7 +108,8 @@ def _parse_euroc(rows: list[tuple[int, str]]) -> Trajectory:
     steps = [after - before for before, after in pairwise(stamps)]
     if steps and 0 < (step := int(np.median(np.array(steps, dtype=np.float64)))) < SHORTEST_STEP_NS:
         raise SceneError(
-            f"expected times in nanoseconds, got steps of {step} ns from {stamps[0]} on: multiply seconds by 1e9"
+            f"expected times in nanoseconds, got steps of {step} ns from {stamps[0]} on: multiply seconds by 1e9, "
+            "microseconds by 1000"
         )
     first_s = stamps[0] / 1e9 if stamps[0] < 10**15 else 0.0
     times_s = np.array([(stamp - stamps[0]) / 1e9 for stamp in stamps]) + first_s

@@ -5,8 +5,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
-from peaksim.corpus import layout, make_corpus
-from peaksim.corpus import spec as spec_tables
+from peaksim.corpus import CorpusSpec, layout, make_corpus
 from peaksim.corpus.sample import KEYPOINTS
 from peaksim.corpus.tables import FRAME_COLUMNS, MARKER_COLUMNS
 from peaksim.scene.schema import StrictTable
@@ -19,14 +18,10 @@ PROSE = re.sub(r"```.*?```", "", MANUAL, flags=re.DOTALL)
 WORDS = set(re.findall(r"[A-Za-z][A-Za-z0-9_]*", " ".join(re.findall(r"`([^`]+)`", PROSE))))
 TREE = MANUAL.split("## On disk")[1].split("```")[1]
 
-TABLES = [
-    value
-    for value in vars(spec_tables).values()
-    if isinstance(value, type) and issubclass(value, StrictTable) and value is not StrictTable
-]
+TABLES = [table for table in StrictTable.__subclasses__() if table.__module__.startswith(CorpusSpec.__module__)]
 
 
-@pytest.mark.parametrize("table", [t for t in TABLES if t.__module__ == spec_tables.__name__], ids=lambda t: t.__name__)
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
 def test_every_field_of_a_specification_is_explained(table: type[StrictTable]) -> None:
     assert set(table.model_fields) <= WORDS
 

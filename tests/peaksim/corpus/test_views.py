@@ -7,7 +7,7 @@ import pytest
 from peaksim.camera.camera import Camera
 from peaksim.corpus.draws import frame_draws
 from peaksim.corpus.plan import plan_frame
-from peaksim.corpus.spec import FlightView, MarkerView, RandomView
+from peaksim.corpus.spec_views import FlightView, MarkerView, RandomView
 from peaksim.corpus.views import flight_view, is_free, marker_view, markers_ahead, marks_of, random_view
 from peaksim.errors import SceneError
 from peaksim.geometry.pose import compose, invert, look_at, pose_distance, rigid, transform

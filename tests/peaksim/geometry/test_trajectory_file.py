@@ -112,7 +112,8 @@ def test_short_euroc_times_start_at_their_own_second(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("stamps", "message"),
     [
-        (("0", "1", "2"), "expected times in nanoseconds, got steps of 1 ns from 0 on: multiply seconds by 1e9"),
+        (("0", "1", "2"), "expected times in nanoseconds, got steps of 1 ns from 0 on: multiply seconds by 1e9, micro"),
+        (("1403636580838555", "1403636580888555"), "got steps of 50000 ns from 1403636580838555 on"),
         (("1403636580", "1403636581"), "got steps of 1 ns from 1403636580 on"),
         (("0", "50", "100"), "got steps of 50 ns"),
         (("0.0", "0.05"), "line 2: expected a time in whole nanoseconds, got 0.05; seconds? times 1e9"),
