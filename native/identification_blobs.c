@@ -63,13 +63,13 @@ EXPORT status tilted_sums(const uint8_t *gray, int64_t height, int64_t width, ui
 
 /* ---- filters ---- */
 
-enum { SECOND = 8, MIXED = 16, CORNERS = 2 * SECOND + MIXED, MOST_FILTERS = 24, TILE = 180, CLIMBS = 8, FIELDS = 6 };
+enum { SECOND = 8, MIXED = 16, BOX = 2 * SECOND + MIXED, CORNERS = BOX + 4, MOST_FILTERS = 24, TILE = 180, CLIMBS = 8, FIELDS = 6 };
 static const float DXY_WEIGHT = 0.81f;
 /* Of threshold and least quotient, from which a grid position is climbed from, for off its middle a blob answers less:
    set by hand, random images lose no marker by it. */
 static const double EARLY = 0.5;
 
-/* A Hessian's three box filters: where their corners lie from a grid position, 8 of Dxx, 8 of Dyy and 16 of Dxy. */
+/* A Hessian's three box filters: where their corners lie from a grid position, 8 of Dxx, 8 of Dyy, 16 of Dxy, and 4 of all. */
 typedef struct {
     int64_t down[CORNERS], right[CORNERS]; /* lattice units */
     int64_t halves[CORNERS], full[CORNERS]; /* the same as steps in `halves` and in the sums themselves */
@@ -122,7 +122,8 @@ static filter filter_of(const blobs *s, int64_t along, int64_t across, double be
         set_corner(s, &f, (int)k, order[i] * along, b - low_b), set_corner(s, &f, (int)k + 1, order[i] * along, low_b);
     for (int i = 0; i < 4; i++, k += 2)
         set_corner(s, &f, (int)k, a - low_a, order[i] * across), set_corner(s, &f, (int)k + 1, low_a, order[i] * across);
-    for (int i = 0; i < 16; i++) set_corner(s, &f, (int)k + i, mixed_a[i % 4], mixed_b[i / 4]);
+    for (int i = 0; i < MIXED; i++) set_corner(s, &f, (int)k + i, mixed_a[i % 4], mixed_b[i / 4]);
+    for (int i = 0; i < 4; i++) set_corner(s, &f, BOX + i, i % 2 * a, i / 2 * b);
     double cell = (double)(s->unit * s->unit * (s->is_tilted ? 2 : 1));
     f.side = sqrt((double)(a * b) * cell);
     f.trace_along = (float)(1 / ((double)(along * (b - 2 * low_b)) * cell));
@@ -195,6 +196,20 @@ static double variance_under(const blobs *s, const filter *f, double y, double x
     int64_t bottom = s->is_tilted ? row + a + b : row + b;
     bool is_inside = left >= 0 && row >= 0 && right < s->stride && bottom < s->height + 2 * (int64_t)s->pad + 1;
     return is_inside ? variance_of(s, row, column, a, b) : -1;
+}
+
+/* Variance in a filter's box at a lattice position, where the filter fits. */
+static double own_variance(const blobs *s, const filter *f, int64_t y, int64_t x) {
+    int64_t along = f->along * s->unit, across = f->across * s->unit, at = (y * s->stride + x) * s->unit;
+    const int64_t *k = f->full + BOX;
+    if (most(along, across) > TILE) {
+        int64_t corner = at + k[0];
+        return variance_of(s, corner / s->stride, corner % s->stride, along, across);
+    }
+    const uint32_t *sums = s->sums + at, *squares = s->squares + at;
+    double each = 1 / (double)(along * across * (s->is_tilted ? 2 : 1));
+    double mean = (double)(sums[k[3]] - sums[k[1]] - sums[k[2]] + sums[k[0]]) * each;
+    return greater((double)(squares[k[3]] - squares[k[1]] - squares[k[2]] + squares[k[0]]) * each - mean * mean, 0);
 }
 
 /* ---- maxima ---- */
@@ -312,17 +327,16 @@ static void settle(blobs *s, const filter *family, int64_t layer, int64_t i, int
     if (!climb(s, family, &y, &x, &layer, &n)) return;
     const filter *f = family + layer;
     double response = n.around[1][1], unit = (double)s->unit;
-    double middle_y = (double)y + (is_half_y(s, f) ? 0.5 : 0), middle_x = (double)x + (is_half_x(s, f) ? 0.5 : 0);
-    double at_y = middle_y + peak_of(n.around[0][1], response, n.around[2][1], 1, 1);
-    double at_x = middle_x + peak_of(n.around[1][0], response, n.around[1][2], 1, 1);
+    double at_y = (double)y + (is_half_y(s, f) ? 0.5 : 0) + peak_of(n.around[0][1], response, n.around[2][1], 1, 1);
+    double at_x = (double)x + (is_half_x(s, f) ? 0.5 : 0) + peak_of(n.around[1][0], response, n.around[1][2], 1, 1);
     double side = f->side + peak_of(n.below, response, n.above, f->side - (f - 1)->side, (f + 1)->side - f->side);
     double py = at_y * unit - 0.5 - s->pad, px = at_x * unit - (s->is_tilted ? 0 : 0.5) - s->pad;
     bool is_inside = px > -0.5 && px < (double)s->width - 0.5 && py > -0.5 && py < (double)s->height - 0.5;
     if (!is_inside || !(response > s->threshold)) return;
     double variance = variance_under(s, f, at_y, at_x, side / f->side);
-    if (variance < 0) variance = variance_under(s, f, middle_y, middle_x, 1);
+    if (variance < 0) variance = own_variance(s, f, y, x);
     double quotient = response / f->best / greater(variance, 1e-3);
-    if (variance < 0 || !(quotient > s->least_quotient)) return;
+    if (!(quotient > s->least_quotient)) return;
     double row[FIELDS] = {px, py, side, response, n.trace > 0 ? 1 : -1, quotient};
     if (s->count < s->room) memcpy(s->found + FIELDS * s->count, row, sizeof row);
     s->count++;
@@ -330,8 +344,7 @@ static void settle(blobs *s, const filter *family, int64_t layer, int64_t i, int
 
 /* Whether a flagged position may still be a blob when it has climbed. */
 static bool is_promising(const blobs *s, const filter *f, float response, int64_t i, int64_t j) {
-    double y = (double)(2 * i) + (is_half_y(s, f) ? 0.5 : 0), x = (double)(2 * j) + (is_half_x(s, f) ? 0.5 : 0);
-    return response > EARLY * s->least_quotient * f->best * variance_under(s, f, y, x, 1);
+    return response > EARLY * s->least_quotient * f->best * own_variance(s, f, 2 * i, 2 * j);
 }
 
 static void settle_row(blobs *s, const filter *family, const float *ring, const float *highest, int64_t layer, int64_t i) {
