@@ -82,7 +82,14 @@ def test_its_types_are_read_by_mypy_and_pyright(bin_folder: Path, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_what_needs_an_extra_says_which(bin_folder: Path, tmp_path: Path) -> None:
-    done = run(tmp_path, bin_folder / "peakmark", "regress", "run", "floor", "--quick", "--out", "out")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "pip install 'peakmark[sim]'" in done.stderr
+@pytest.mark.parametrize(
+    ("command", "library"),
+    [
+        ("render floor --frames 1 --renderer gl", "pyrender"),
+        ("floor", "matplotlib"),
+        (f"corpus make {ROOT / 'scenes/experiments/corpus_small.toml'} --frames 2", "pyarrow"),
+    ],
+)
+def test_what_needs_an_extra_says_which(bin_folder: Path, tmp_path: Path, command: str, library: str) -> None:
+    done = run(tmp_path, bin_folder / "peakmark", *command.split(), "--out", "out")
+    assert (done.returncode, done.stderr) == (2, f"error: this needs {library}: pip install 'peakmark[sim]'\n")
