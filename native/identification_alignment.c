@@ -236,25 +236,19 @@ static bool is_near(const double *theta, const double *center, double size, doub
     bool is_finite = isfinite(step);
     for (int k = 0; k < LIT; k++) is_finite = is_finite && isfinite(theta[k]);
     double side = sqrt(fabs(theta[2] * theta[5] - theta[3] * theta[4])), x = theta[0] - center[0], y = theta[1] - center[1];
-    return is_finite && side >= 8 && sqrt(x * x + y * y) <= 0.35 * side && 0.5 < side / size && side / size < 2;
+    return is_finite && theta[8] > 0 && side >= 8 && sqrt(x * x + y * y) <= 0.35 * side && 0.5 < side / size && side / size < 2;
 }
 
-/* Align the pattern near each position and measure that, as `align_in_light` and `measure_alignment`; what is none has 0
-   pixels. */
-EXPORT status align_each(const uint8_t *gray, int64_t height, int64_t width, const double *xy, int64_t n, const double *sides,
-                         const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
-                         const double *base, int64_t base_count, double extent, double focal, const double *samples, int64_t sample_count,
-                         const double *expected, const double *shapes, int64_t shape_count, double sigma, double hopeless,
-                         const double *knots, int64_t knot_count, double *theta, double *fits, double *figures,
-                         double *sums, double *counts, double *all) {
+/* Measure each alignment, as `measure_alignment`; what is none has 0 pixels. */
+EXPORT status measure_each(const uint8_t *gray, int64_t height, int64_t width, const double *xy, int64_t n, const double *sides,
+                           const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
+                           const double *base, int64_t base_count, double extent, const double *knots, int64_t knot_count,
+                           const double *theta, const double *fits, double *figures, double *sums, double *counts, double *all) {
     status state = DONE;
     for (int64_t k = 0; k < n && state == DONE; k++) {
-        double *found = theta + LIT * k, *fit = fits + 4 * k;
-        const double *center = xy + 2 * k;
+        const double *found = theta + LIT * k, *fit = fits + 6 * k, *center = xy + 2 * k;
         figures[8 * k] = 0;
-        state = align_in_light(gray, height, width, center, sides[k], lines, line_count, index, rows, intervals, base,
-                               base_count, extent, focal, samples, sample_count, expected, shapes, shape_count, sigma, hopeless, found, fit);
-        if (state != DONE || !is_near(found, center, sides[k], fit[1])) continue;
+        if (!is_near(found, center, sides[k], fit[1])) continue;
         state = measure_alignment(gray, height, width, found, center, sides[k], lines, line_count, index, rows, intervals, base,
                                   base_count, extent, knots, knot_count, fit[3], figures + 8 * k, sums + CELLS * CELLS * k,
                                   counts + CELLS * CELLS * k, all + CELLS * CELLS * k);

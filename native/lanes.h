@@ -62,16 +62,16 @@ static inline float8 root8(float8 x) {
     return load8(roots);
 }
 
-static inline float least8(float8 lanes) {
-    float least = lanes[0];
-    for (int k = 1; k < 8; k++) least = lanes[k] < least ? lanes[k] : least;
-    return least;
+static inline float lesser_of(float a, float b) { return a < b ? a : b; }
+
+static inline float greater_of(float a, float b) { return a > b ? a : b; }
+
+static inline float least8(float8 x) {
+    return lesser_of(lesser_of(lesser_of(x[0], x[4]), lesser_of(x[1], x[5])), lesser_of(lesser_of(x[2], x[6]), lesser_of(x[3], x[7])));
 }
 
-static inline float most8(float8 lanes) {
-    float most = lanes[0];
-    for (int k = 1; k < 8; k++) most = lanes[k] > most ? lanes[k] : most;
-    return most;
+static inline float most8(float8 x) {
+    return greater_of(greater_of(greater_of(x[0], x[4]), greater_of(x[1], x[5])), greater_of(greater_of(x[2], x[6]), greater_of(x[3], x[7])));
 }
 
 /* e^x of x ≤ 80, within 1e-6 of itself from −16 on; below −86 as of −86. See same_exp in elementary.h; the polynomial is the one of its

@@ -104,10 +104,5 @@ status fit_softly(model *m, const surroundings *around, const double *center, do
                   const prior *before, double sigma, double hopeless, fitted *best, double *ratio, memory *taken);
 status fill_sandwich(model *m, const pixels *chosen, const double *theta, double noise, const double *precision,
                      double *covariance, memory *taken);
-EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
-                             const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
-                             const double *base, int64_t base_count, double extent, double focal, const double *samples,
-                             int64_t sample_count, const double *expected, const double *shapes, int64_t shape_count,
-                             double sigma, double hopeless, double *theta, double *figures);
 
 #endif

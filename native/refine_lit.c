@@ -7,7 +7,7 @@
 
 /* As lit.py explains. */
 static const double TONE = 0.35, TONE_SPREAD = 0.4, GAIN_SPREAD = 0.5, OFFSET_SPREAD = 0.3, MOTION_SPREAD = 0.2;
-enum { PART_PIXELS = 800, RAMP_PIXELS = 250 };
+enum { PART_PIXELS = 800, RAMP_PIXELS = 250, SEEN_PIXELS = 300 };
 static const double UNCLEAR = 0.012, RAMP_CENTER_SPREAD = 0.1, RAMP_SHAPE_SPREAD = 0.25, SOFTENED = 0.1406;
 static const double WORTH = 25, LOST = 0.12;
 static const double REST_NOISE = 6, REST_SHARE = 0.006, FIRST_CUT = 2, CUT_SIGMAS = 3, CUT_SHARE = 0.08, LEFT = 0.15;
@@ -244,7 +244,7 @@ static status look_again(model *m, const surroundings *around, const double *cen
     here.precision[0] = here.precision[1] = per_square(RAMP_CENTER_SPREAD * size);
     for (int k = 2; k < 6; k++) here.precision[k] = per_square(RAMP_SHAPE_SPREAD * size);
     pixels chosen;
-    status state = read_pixels(m, around->soft, start, PART_PIXELS, taken, &chosen);
+    status state = read_pixels(m, around->soft, start, SEEN_PIXELS, taken, &chosen);
     if (state != DONE) return state;
     keep_run(&run, start, (int32_t *)chosen.xy, (float *)chosen.levels, &chosen);
     m->is_soft = true;
@@ -252,13 +252,26 @@ static status look_again(model *m, const surroundings *around, const double *cen
     free_planes(&here);
     for (double times = FIRST_CUT; times >= 1 && result->noise > 0 && result->theta[8] > 0 && state == DONE; times /= 2) {
         m->cut = times * CUT_SHARE * result->theta[8];
-        state = fit_picture(m, around->soft, result->theta, PART_PIXELS, &here, times > 1 ? SHORT_FIT : LAST_FIT, result);
+        state = fit_picture(m, around->soft, result->theta, SEEN_PIXELS, &here, times > 1 ? SHORT_FIT : LAST_FIT, result);
     }
     m->cut = 0, m->is_soft = false;
     return state;
 }
 
 /* ---- all steps ---- */
+
+/* An alignment goes through stages: to the softened image, to its own pixels, and, where that explains little, a second look at
+   parts. */
+enum { SOFT_STAGE, SHARP_STAGE, PARTS_STAGE, PART_STAGE };
+
+/* Where an alignment stands: the fit, in the image's pixels; noise over gain² of the fit to the softened image, and whether that
+   has planes of light; the `cut` of the second look, 0 where all pixels count; and the noise of the first look that the second has
+   to be below, ∞ where that was given up. */
+typedef struct {
+    fitted result;
+    double ratio, cut, was;
+    bool has_ramp;
+} standing;
 
 /* From block means to the image's own pixels. */
 static void enlarge(fitted *result, double block) {
@@ -293,26 +306,41 @@ static void go_to_pixels(model *m, const surroundings *around, const double *cen
     before->precision[10] = per_square(BLUR_SPREAD);
 }
 
-/* From the softened block means over the sharp ones to the image's own pixels; ends where the first explains nothing. */
-static status align_lit(model *m, const surroundings *around, const double *center, double size, double focal,
-                        const coarse *search, double sigma, double hopeless, fitted *result, double *ratio,
-                        memory *taken) {
-    double block = (double)around->block, local[2];
+/* To block means from the image's own pixels; the inverse of `enlarge`. */
+static void reduce(fitted *result, double block) {
+    for (int k = 0; k < 2; k++) result->theta[k] = (result->theta[k] - (block - 1) / 2) / block;
+    for (int k = 2; k < 6; k++) result->theta[k] /= block;
+}
+
+/* The fit to the softened block means; given up where that explains nothing. */
+static status fit_soft_image(model *m, const surroundings *around, const double *center, double size, double focal,
+                             const coarse *search, double sigma, double hopeless, standing *now, memory *taken) {
+    double local[2], block = (double)around->block;
     prior before = first_prior(m, size, focal);
     set_local(m, around, center, size, local);
-    status state = fit_softly(m, around, local, size / block, search, &before, sigma, hopeless, result, ratio, taken);
-    bool has_ramp = false;
-    if (state == DONE && *ratio > UNCLEAR && *ratio < INFINITY)
-        state = find_ramp(m, around, local, size / block, search, sigma, &before, lesser(*ratio, hopeless) / 4, result, &has_ramp);
-    if (has_ramp) *ratio = lesser(*ratio, hopeless);
-    if (*ratio > hopeless) result->length = INFINITY;
-    if (state != DONE || *ratio > hopeless) return state;
-    before.mean[10] = result->theta[10] = SHARP;
+    status state = fit_softly(m, around, local, size / block, search, &before, sigma, hopeless, &now->result, &now->ratio, taken);
+    if (state == DONE && now->ratio > UNCLEAR && now->ratio < INFINITY)
+        state = find_ramp(m, around, local, size / block, search, sigma, &before, lesser(now->ratio, hopeless) / 4, &now->result, &now->has_ramp);
+    if (now->has_ramp) now->ratio = lesser(now->ratio, hopeless);
+    if (now->ratio > hopeless) now->result.length = INFINITY;
+    enlarge(&now->result, block);
+    return state;
+}
+
+/* From the softened block means over the sharp ones to the image's own pixels. */
+static status fit_sharp_image(model *m, const surroundings *around, const double *center, double size, double focal,
+                              double sigma, standing *now, memory *taken) {
+    double local[2], block = (double)around->block;
+    status state = DONE;
+    prior before = first_prior(m, size, focal);
+    set_local(m, around, center, size, local);
+    reduce(&now->result, block);
+    before.mean[10] = now->result.theta[10] = SHARP;
     if (around->block > 1)
-        state = fit_picture(m, around->level, result->theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0, 0}, result);
+        state = fit_picture(m, around->level, now->result.theta, BLOCK_PIXELS, &before, (patience){8, 1.0, 1.0, 0}, &now->result);
     if (state != DONE) return state;
-    go_to_pixels(m, around, center, size, result, &before);
-    return fit_image(m, around->crop, size, focal, sigma, has_ramp, &before, result, taken);
+    go_to_pixels(m, around, center, size, &now->result, &before);
+    return fit_image(m, around->crop, size, focal, sigma, now->has_ramp, &before, &now->result, taken);
 }
 
 /* Whether a fit ended far from where it began. */
@@ -348,60 +376,100 @@ static fitted fit_part(model *m, const pixels *chosen, const double *start, doub
     return open;
 }
 
-/* A second look, where the first explains little: kept where it leaves much less. */
-static status align_in_part(model *m, const surroundings *around, const double *center, double size, double focal,
-                            const coarse *search, double sigma, fitted *result, double *cut, memory *taken) {
-    double block = (double)around->block, local[2], own_cut;
-    double was = is_given_up(m, result) ? INFINITY : result->noise;
+/* A second look at the softened image; given up where that is not likely. Its ratio is that of what is seen, its cut the share
+   that is. */
+static status look_at_parts(model *m, const surroundings *around, const double *center, double size, double focal,
+                            const coarse *search, double sigma, standing *now, memory *taken) {
+    double block = (double)around->block, local[2];
+    fitted *part = &now->result;
+    now->was = is_given_up(m, part) ? INFINITY : part->noise;
+    part->length = INFINITY;
     prior before = first_prior(m, size, focal);
-    fitted part;
     set_local(m, around, center, size, local);
-    status state = look_again(m, around, local, size / block, search, &before, &part, taken);
-    double gain = part.theta[8], expected = SOFTENED * sigma * sigma / (block * block);
-    bool is_likely = gain > 0 && part.noise > 0 && part.share > LEAST_SOFT_SHARE &&
-                     part.noise - expected < SOFT_LEFT * gain * gain;
-    part.theta[10] = before.mean[10] = SHARP;
-    go_to_pixels(m, around, center, size, &part, &before);
-    if (state != DONE || !is_likely) return state;
-    pixels chosen;
-    state = read_pixels(m, around->crop, part.theta, PART_PIXELS, taken, &chosen);
-    if (state != DONE) return state;
-    part = fit_part(m, &chosen, part.theta, sigma, &before, &own_cut);
-    gain = part.theta[8];
-    bool is_kept = gain > 0 && part.share > LEAST_SHARE && part.noise - sigma * sigma < REST_SHARE * gain * gain &&
-                   part.noise < LEFT * was;
-    if (!is_kept) return DONE;
-    *result = part, *cut = own_cut;
-    return polish(m, around->crop, size, focal, chosen.count, result, own_cut, taken);
+    status state = look_again(m, around, local, size / block, search, &before, part, taken);
+    double gain = part->theta[8], expected = SOFTENED * sigma * sigma / (block * block);
+    now->ratio = greater(part->noise - expected, 0) / (gain * gain), now->cut = part->share;
+    bool is_likely = gain > 0 && part->noise > 0 && part->share > LEAST_SOFT_SHARE && now->ratio < SOFT_LEFT;
+    if (!is_likely) part->length = INFINITY;
+    enlarge(part, block);
+    return state;
 }
 
-EXPORT status align_in_light(const uint8_t *gray, int64_t height, int64_t width, const double *center, double size,
-                             const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
-                             const double *base, int64_t base_count, double extent, double focal, const double *samples,
-                             int64_t sample_count, const double *expected, const double *shapes, int64_t shape_count,
-                             double sigma, double hopeless, double *theta, double *figures) {
+/* The second look at the image's own pixels; given up where it does not leave much less than the first. */
+static status fit_in_part(model *m, const surroundings *around, double size, double focal, double sigma, standing *now,
+                          memory *taken) {
+    double own_cut;
+    prior before = first_prior(m, size, focal);
+    pixels chosen;
+    now->result.theta[10] = before.mean[10] = SHARP;
+    before.precision[10] = per_square(BLUR_SPREAD);
+    status state = read_pixels(m, around->crop, now->result.theta, PART_PIXELS, taken, &chosen);
+    if (state != DONE) return state;
+    fitted part = fit_part(m, &chosen, now->result.theta, sigma, &before, &own_cut);
+    double gain = part.theta[8];
+    bool is_kept = gain > 0 && part.share > LEAST_SHARE && part.noise - sigma * sigma < REST_SHARE * gain * gain &&
+                   part.noise < LEFT * now->was;
+    now->result = part, now->cut = own_cut;
+    if (!is_kept) now->result.length = INFINITY;
+    return is_kept ? polish(m, around->crop, size, focal, chosen.count, &now->result, own_cut, taken) : DONE;
+}
+
+static void move(fitted *result, double x, double y) { result->theta[0] += x, result->theta[1] += y; }
+
+/* Take an alignment one stage on, in an image of noise sigma; what cannot be tried is given up. */
+static status align_on(model *m, const uint8_t *gray, int64_t height, int64_t width, const double *center, double size, double focal,
+                const coarse *search, double sigma, double hopeless, int64_t stage, standing *now) {
+    memory taken = {.count = 0};
+    surroundings around;
+    set_anchor(m, center[0], center[1], size);
+    if (stage == PARTS_STAGE && !is_given_up(m, &now->result) && !is_unexplained(&now->result, sigma)) {
+        now->result.length = INFINITY;
+        return DONE;
+    }
+    status state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, true, &taken);
+    if (state == DONE && is_too_small(&around)) now->result.length = INFINITY;
+    else if (state == DONE) {
+        double left = (double)around.left, top = (double)around.top;
+        if (stage != SOFT_STAGE) move(&now->result, -left, -top);
+        set_anchor(m, center[0] - left, center[1] - top, size);
+        if (stage == SOFT_STAGE)
+            state = fit_soft_image(m, &around, center, size, focal, search, sigma, hopeless, now, &taken);
+        else if (stage == SHARP_STAGE)
+            state = fit_sharp_image(m, &around, center, size, focal, sigma, now, &taken);
+        else if (stage == PARTS_STAGE)
+            state = look_at_parts(m, &around, center, size, focal, search, sigma, now, &taken);
+        else
+            state = fit_in_part(m, &around, size, focal, sigma, now, &taken);
+        move(&now->result, left, top);
+    }
+    give_back(&taken);
+    return state;
+}
+
+/* Take alignments one stage on. Of each there are parameters, and noise, length of the last step (∞ where it was given up),
+   `ratio`, `cut`, whether there is a ramp, and what the noise `was`: see `standing`. */
+EXPORT status align_each(const uint8_t *gray, int64_t height, int64_t width, const double *xy, int64_t n, const double *sides,
+                         const double *lines, int64_t line_count, const int64_t *index, int64_t rows, int64_t intervals,
+                         const double *base, int64_t base_count, double extent, double focal, const double *samples, int64_t sample_count,
+                         const double *expected, const double *shapes, int64_t shape_count, double sigma, double hopeless,
+                         int64_t stage, double *theta, double *fits) {
     model m = {.parameters = LIT, .lines = lines, .line_count = line_count, .index = index, .base = base,
                .base_count = base_count, .extent = extent};
+    m.is_quick = true; /* the last fit, which tells positions, is exact */
     if (!set_grid(&m, rows, intervals)) return TOO_LARGE;
-    memory taken = {.count = 0}, more = {.count = 0};
     coarse search;
-    surroundings around;
-    fitted result = {.length = INFINITY};
-    double ratio = INFINITY, cut = 0;
     status state = set_coarse(&search, samples, expected, sample_count, shapes, shape_count, true);
-    if (state == DONE) state = set_surroundings(&around, gray, height, width, center, size, LEVEL_SIDE, true, &taken);
-    bool is_tried = state == DONE && !is_too_small(&around);
-    if (is_tried) state = align_lit(&m, &around, center, size, focal, &search, sigma, hopeless, &result, &ratio, &taken);
-    if (is_tried && state == DONE && !m.is_round && (is_given_up(&m, &result) || is_unexplained(&result, sigma)))
-        state = align_in_part(&m, &around, center, size, focal, &search, sigma, &result, &cut, &more);
-    give_back(&more);
-    give_back(&taken);
-    bool is_hopeless = !(result.length < INFINITY);
-    if (is_tried && !is_hopeless) result.theta[0] += (double)around.left, result.theta[1] += (double)around.top;
-    memcpy(theta, result.theta, sizeof result.theta);
-    figures[0] = is_hopeless ? 0 : result.noise;
-    figures[1] = is_hopeless || !(result.theta[8] > 0) ? INFINITY : result.length;
-    figures[2] = ratio, figures[3] = cut;
+    for (int64_t k = 0; k < n && state == DONE; k++) {
+        double *found = theta + LIT * k, *fit = fits + 6 * k;
+        standing now = {.result = {.length = INFINITY}, .ratio = INFINITY};
+        if (stage != SOFT_STAGE) {
+            memcpy(now.result.theta, found, sizeof now.result.theta);
+            now.result.noise = fit[0], now.result.length = fit[1], now.ratio = fit[2], now.cut = fit[3], now.has_ramp = fit[4] > 0, now.was = fit[5];
+        }
+        state = align_on(&m, gray, height, width, xy + 2 * k, sides[k], focal, &search, sigma, hopeless, stage, &now);
+        memcpy(found, now.result.theta, sizeof now.result.theta);
+        fit[0] = now.result.noise, fit[1] = now.result.length, fit[2] = now.ratio, fit[3] = now.cut, fit[4] = now.has_ramp, fit[5] = now.was;
+    }
     return state;
 }
 

@@ -33,6 +33,7 @@ typedef struct {
     double anchor[3];     /* x, y and side, px, of the planes of light; LIT only */
     double cut;           /* residuals of this many grey levels count a quarter; 0 where all count alike */
     bool is_soft;         /* blur is so wide, half a square pixel and more, that a pixel's box counts as its Gaussian */
+    bool is_quick;        /* what a box and a Gaussian make of an edge may be off by 0.002 of its height */
     const double *levels; /* (n + 1, n + 1); PLAIN only */
     float own_lines[MOST_LINES];                       /* the lines in single precision */
     float shown[(MOST_LINES + 1) * (MOST_LINES + 1)]; /* the levels, under the tone exponent */

@@ -1,9 +1,10 @@
 """Candidates aligned with a marker's pattern in any light, and what that explains: as a whole, in parts, in cells."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,25 @@ from peaksim.native import function
 
 from peakmark.identification.correlation import correlate_candidates
 from peakmark.identification.detection import FitSpread
+from peakmark.identification.stages import STAGE_COLUMNS, STAGES, stage_columns
 from peakmark.markers.patterns import Made, Variant, surf_cells
 from peakmark.markers.profile import MOST_RADII, RADII, sift_profile
 from peakmark.parallel import bands, map_parallel, thread_count
 from peakmark.refine.align import shape_grid
 from peakmark.refine.api import DITHER, FLOOR_PX
-from peakmark.refine.lit import PARAMETERS, finish_in_light
+from peakmark.refine.lit import (
+    PARAMETERS,
+    PART,
+    PARTS,
+    RAMP,
+    RATIO,
+    SHARP,
+    SOFT,
+    STEP,
+    WAS,
+    align_each,
+    finish_in_light,
+)
 from peakmark.refine.model import Pattern, predict
 from peakmark.refine.round import ROUND_EXTENT, ROUND_SPAN, round_shape_grid, round_template
 
@@ -44,18 +58,20 @@ _SHIFTS = np.array([(a, b) for a in (-0.07, 0.0, 0.07) for b in (-0.07, 0.0, 0.0
 _TEMPLATE_PX, _TEMPLATE_BLUR, _TEMPLATE_TONE = 1000.0, 0.05, 1.4
 """The coarse template: resolution that makes the pixel's box vanish, blur in sides, and a tone exponent in between."""
 
+IsWorth = Callable[[int, NDArray[np.intp], NDArray[np.float64]], NDArray[np.bool_]]
+"""Whether candidates are worth another stage: from the one that is done, their rows (k,), and what the stages so far
+said, (k, stages, c)."""
+
 _measure_alignment = function(
     "status measure_alignment(const u1[height,width] gray, const f8[18] theta, const f8[2] center, f8 size, "
     "const f8[line_count] lines, const i8[rows,intervals] index, const f8[base_count] base, f8 extent, "
     "const f8[knot_count] knots, f8 cut, f8[8] figures, f8[121] sums, f8[121] counts, f8[121] all)"
 )
 
-_align_each = function(
-    "status align_each(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, const f8[line_count] lines, "
-    "const i8[rows,intervals] index, const f8[base_count] base, f8 extent, f8 focal, "
-    "const f8[sample_count,2] samples, const f8[sample_count] expected, const f8[shape_count,2,2] shapes, f8 sigma, "
-    "f8 hopeless, const f8[knot_count] knots, f8[n,18] theta, f8[n,4] fits, f8[n,8] figures, f8[n,121] sums, "
-    "f8[n,121] counts, f8[n,121] all)"
+_measure_each = function(
+    "status measure_each(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, const f8[line_count] lines, "
+    "const i8[rows,intervals] index, const f8[base_count] base, f8 extent, const f8[knot_count] knots, "
+    "const f8[n,18] theta, const f8[n,6] fits, f8[n,8] figures, f8[n,121] sums, f8[n,121] counts, f8[n,121] all)"
 )
 _block_medians = function("void block_medians(const u1[height,width] gray, i8 step, f8[down,across] medians)")
 
@@ -75,11 +91,11 @@ class Aligned:
     noise: NDArray[np.float64]
     """(n,) mean square of the residuals."""
     steps: NDArray[np.float64]
-    """(n,) see `LitFit.step`."""
+    """(n,) see `refine.lit.STEP`."""
     ratios: NDArray[np.float64]
-    """(n,) see `LitFit.ratio`."""
+    """(n,) see `refine.lit.RATIO`."""
     cuts: NDArray[np.float64]
-    """(n,) see `LitFit.cut`."""
+    """(n,) see `refine.lit.CUT`."""
     figures: NDArray[np.float64]
     """(n, 8) see `measure_alignment`."""
     sums: NDArray[np.float64]
@@ -88,6 +104,8 @@ class Aligned:
     """(n, 11, 11) pixels of each cell that are compared."""
     pixels: NDArray[np.float64]
     """(n, 11, 11) pixels in each cell."""
+    said: NDArray[np.float64]
+    """(n, stages, c) what each stage said, see `stages`; nan of the parts where there was no second look."""
 
     @property
     def sides_px(self) -> NDArray[np.float64]:
@@ -182,25 +200,87 @@ def correlations(
 
 
 def align_candidates(
-    gray: NDArray[np.uint8], xy: NDArray[np.float64], sides_px: NDArray[np.float64], variant: Variant, sigma: float
+    gray: NDArray[np.uint8],
+    xy: NDArray[np.float64],
+    sides_px: NDArray[np.float64],
+    variant: Variant,
+    sigma: float,
+    is_worth: IsWorth | None = None,
 ) -> Aligned:
-    """Align candidates with one of the markers in an image of noise σ; those that are none are left out."""
-    focal, limits = float(max(gray.shape)), (sigma, HOPELESS[variant.made_for])
-    coarse = (*lit_template(variant), shapes_of(variant))
-    settings = (*lit_pattern(variant), extent_of(variant), focal, *coarse, *limits)
-    theta, fits, figures = (np.empty((len(xy), width)) for width in (PARAMETERS, 4, 8))
-    sums, counts, pixels = np.empty((3, len(xy), CELLS**2))
+    """Align candidates with one of the markers in an image of noise σ; those that are none are left out.
 
-    def align(cut: tuple[int, int]) -> None:
+    And those that are not worth another stage, if that is asked.
+    """
+    lines, index, base = lit_pattern(variant)
+    samples, template = lit_template(variant)
+    extent = extent_of(variant)
+    focal, shapes, hopeless = float(max(gray.shape)), shapes_of(variant), HOPELESS[variant.made_for]
+    theta, fits = np.empty((len(xy), PARAMETERS)), np.empty((len(xy), WAS + 1))
+    said = np.full((len(xy), len(STAGES), len(STAGE_COLUMNS)), np.nan)
+
+    def take_on(stage: int, rows: NDArray[np.intp]) -> None:
+        def take(cut: tuple[int, int]) -> None:
+            own = rows[slice(*cut)]
+            found, fit = theta[own], fits[own]
+            places, limits = (xy[own], sides_px[own]), (sigma, hopeless)
+            search = (samples, template, shapes)
+            align_each(gray, *places, lines, index, base, extent, focal, *search, *limits, stage, found, fit)
+            theta[own], fits[own] = found, fit
+
+        map_parallel(take, _shares(len(rows)))
+
+    def worth(stage: int, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        said[rows, stage] = stage_columns(xy[rows], sides_px[rows], sigma, theta[rows], fits[rows])
+        return np.ones(len(rows), np.bool_) if is_worth is None else is_worth(stage, rows, said[rows, : stage + 1])
+
+    rows = np.arange(len(xy))
+    take_on(SOFT, rows)
+    rows = rows[worth(SOFT, rows)]
+    take_on(SHARP, rows[np.isfinite(fits[rows, STEP])])
+    rows = rows[worth(SHARP, rows)]
+    if variant.made_for == "surf":
+        whole = theta.copy(), fits.copy()
+        take_on(PARTS, rows)
+        parts = rows[np.isfinite(fits[rows, STEP])]
+        is_kept = worth(PARTS, parts)
+        take_on(PART, parts[is_kept])
+        rows = np.setdiff1d(rows, parts[~is_kept])
+        in_vain = ~np.isfinite(fits[:, STEP])
+        theta[in_vain], fits[in_vain] = whole[0][in_vain], whole[1][in_vain]
+        fits[:, RATIO] = whole[1][:, RATIO]
+    return _measured(gray, rows, xy, sides_px, (lines, index, base, extent), theta, fits, said)
+
+
+def _shares(count: int) -> list[tuple[int, int]]:
+    """Return the parts in which so many candidates are worked at."""
+    return bands(count, 1 if thread_count() == 1 else count)
+
+
+def _measured(
+    gray: NDArray[np.uint8],
+    rows: NDArray[np.intp],
+    xy: NDArray[np.float64],
+    sides_px: NDArray[np.float64],
+    pattern: tuple[Any, ...],
+    theta: NDArray[np.float64],
+    fits: NDArray[np.float64],
+    said: NDArray[np.float64],
+) -> Aligned:
+    """Return what is aligned of some rows, measured."""
+    xy, sides_px, theta, fits = xy[rows], sides_px[rows], theta[rows], fits[rows]
+    figures, cells = np.empty((len(rows), 8)), np.empty((3, len(rows), CELLS**2))
+
+    def measure(cut: tuple[int, int]) -> None:
         own = slice(*cut)
-        columns = (theta[own], fits[own], figures[own], sums[own], counts[own], pixels[own])
-        _align_each(gray, xy[own], sides_px[own], *settings, _KNOTS, *columns)
+        columns = (figures[own], *cells[:, own])
+        _measure_each(gray, xy[own], sides_px[own], *pattern, _KNOTS, theta[own], fits[own], *columns)
 
-    map_parallel(align, bands(len(xy), 1 if thread_count() == 1 else len(xy)))
-    rows = np.flatnonzero(figures[:, 0] > 0)
-    noise, step, ratio, cut = fits[rows].T
-    cells = (column[rows].reshape(-1, CELLS, CELLS) for column in (sums, counts, pixels))
-    return Aligned(rows, xy[rows], sides_px[rows], theta[rows], noise, step, ratio, cut, figures[rows], *cells)
+    map_parallel(measure, _shares(len(rows)))
+    own = np.flatnonzero(figures[:, 0] > 0)
+    noise, step, ratio, cut = fits[own, :RAMP].T
+    sums, counts, pixels = cells[:, own].reshape(3, -1, CELLS, CELLS)
+    fit, cells_of = (noise, step, ratio, cut, figures[own]), (sums, counts, pixels)
+    return Aligned(rows[own], xy[own], sides_px[own], theta[own], *fit, *cells_of, said[rows[own]])
 
 
 def finished(

@@ -28,14 +28,14 @@ COLUMNS = (
 Of the key point: response quotient and coarse correlation. Of the shape: log of the side, of its ratio to the key
 point's, distance from it in sides, log of the anisotropy, perspective a side. Of the light: log of the gain, Michelson
 contrast, black over gain, log of gain over the image's noise, ln γ, slopes of gain and offset. Of the fit: blur along
-and across its direction, in sides; logs of the softened image's ratio (`LitFit.ratio`), of residuals over the image's
-noise, and of the last step; the share of pixels that nothing covers, and whether any are. Of what is explained: −log of
-the share that the pattern leaves; log of what a blob leaves over what the pattern leaves; correlation of what is not
-radial; −log(1 − least correlation) over eight halves and quadrants; the least of what is not radial in a quadrant. Of
-the rim: share of points just outside that are white, their lower fifth; the lowest two and the highest of the four
-sides' mean residuals. Of the cells' mean residuals, over gain: log of their mean square beyond noise, the largest of a
-block of 3 × 3 and of one; log of the part that has the pattern's symmetry, and of the rest; and the symmetric part's
-values in places of the pattern."""
+and across its direction, in sides; logs of the softened image's ratio (`refine.lit.RATIO`), of residuals over the
+image's noise, and of the last step; the share of pixels that nothing covers, and whether any are. Of what is explained:
+−log of the share that the pattern leaves; log of what a blob leaves over what the pattern leaves; correlation of what
+is not radial; −log(1 − least correlation) over eight halves and quadrants; the least of what is not radial in a
+quadrant. Of the rim: share of points just outside that are white, their lower fifth; the lowest two and the highest of
+the four sides' mean residuals. Of the cells' mean residuals, over gain: log of their mean square beyond noise, the
+largest of a block of 3 × 3 and of one; log of the part that has the pattern's symmetry, and of the rest; and the
+symmetric part's values in places of the pattern."""
 
 COVER_COLUMNS = ("sound", "mixed", "hidden_apart", "hidden_inside", "seen_contrast")
 """Evidence of what may be covered: shares of cells that are seen, and in part; of cells that are hidden, shares beside
@@ -132,8 +132,16 @@ def _rim_columns(gray: NDArray[np.uint8], aligned: Aligned) -> dict[str, Column]
     relative = np.where(inside, (levels - theta[:, 9, None] - gain * shade) / (gain * light), np.nan)
     known = inside.sum(axis=1) >= len(_RIM)
     relative[~known] = 0.5
-    white = np.nanmean(np.where(np.isnan(relative), np.nan, relative > 0.85), axis=1)
-    return {"ring": np.where(known, white, 0.5), "ring_low": np.nanquantile(relative, 0.2, axis=1)}
+    white = (relative > 0.85).sum(axis=1) / np.maximum(inside.sum(axis=1), 1)
+    return {"ring": np.where(known, white, 0.5), "ring_low": _known_quantile(relative, 0.2)}
+
+
+def _known_quantile(values: NDArray[np.float64], share: float) -> Column:
+    """Return (n,) quantiles, linear between values (n, k), of those that are not nan, one at least."""
+    rising, rows = np.sort(values, axis=1), np.arange(len(values))  # nan comes last
+    at = share * (np.isfinite(values).sum(axis=1) - 1)
+    low = np.floor(at).astype(np.intp)
+    return np.asarray(rising[rows, low] + (at - low) * (rising[rows, np.ceil(at).astype(np.intp)] - rising[rows, low]))
 
 
 def _cell_columns(aligned: Aligned, sigma: float) -> dict[str, Column]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from peakmark.identification.alignment import lit_template, template_levels
 from peakmark.identification.candidates import MarkerCandidates
+from peakmark.identification.stages import STAGE_COLUMNS
 from peakmark.identification.trees import Trees, from_plain
 from peakmark.markers.patterns import Variant
 from peakmark.refine.posture import view_candidates
@@ -40,6 +41,8 @@ not the symmetry of the square; differences from mirror images and from the half
 size. Of the ring, over gain: share of white cells, their lower fifth, the lowest and the highest of its four sides. And
 the means of the cells that symmetry takes into each other, those of light markers with the other sign."""
 
+BETTER = SCREEN_COLUMNS.index("better")
+
 _LINE = (np.arange(11) - 5) / 9
 VIEWED: Values = np.stack(np.meshgrid(_LINE, _LINE), axis=-1).reshape(-1, 2)
 """(121, 2) points of a view, sides from the centre: the middles of the cells, and of those around them."""
@@ -51,21 +54,45 @@ _STEP, _STIFF = 0.01, np.diag([1e-3] * 2 + [3e-3] * 4)
 
 
 @dataclass(frozen=True)
-class Screen:
-    """When a candidate is aligned."""
+class Gate:
+    """What a candidate has to pass."""
 
     trees: Trees
-    """Over `SCREEN_COLUMNS`; their sum says how likely an alignment finds a marker."""
+    """Their sum says how likely an alignment finds a marker."""
     least: float
-    """Sum from which a candidate is aligned."""
+    """Sum from which a candidate passes."""
+
+
+@dataclass(frozen=True)
+class Screen:
+    """When a candidate is aligned, and when its alignment goes on."""
+
+    before: Gate
+    """Over `SCREEN_COLUMNS`."""
+    after: tuple[Gate, ...]
+    """After each of the `stages`, see `gate_columns`."""
+
+    def is_worth(
+        self, odds: Values, stage: int, rows: NDArray[np.intp], said: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Return (k,) whether rows of candidates pass a stage that said (k, stages, c), given sums (n,) before it."""
+        gate = self.after[stage]
+        return gate.trees.sums(gate_columns(odds[rows], said)) >= gate.least
+
+
+def gate_columns(odds: Values, said: NDArray[np.float64]) -> Values:
+    """Return (n, c) what the gate behind some stages asks: the sums (n,) of the one before them, and what they said."""
+    return np.column_stack([odds, said.reshape(len(odds), said.shape[1] * said.shape[2])])
 
 
 @cache
 def shipped_screen() -> Screen:
     """Return what comes with the package; `scripts/train_screen.py` makes it."""
     plain = json.loads(Path(__file__).with_name("screen.json").read_text(encoding="utf-8"))
-    assert plain["columns"] == list(SCREEN_COLUMNS), "screen.json is of other columns: make it anew"
-    return Screen(from_plain(plain["trees"]), float(plain["least"]))
+    columns = [list(SCREEN_COLUMNS), list(STAGE_COLUMNS)]
+    assert [plain["columns"], plain["stage_columns"]] == columns, "screen.json is of other columns: make it anew"
+    before, *after = (Gate(from_plain(gate["trees"]), float(gate["least"])) for gate in plain["gates"])
+    return Screen(before, tuple(after))
 
 
 def has_screen(variant: Variant) -> bool:
@@ -97,8 +124,11 @@ def screen_columns(
     correlations: Values,
     variant: Variant,
     sigma: float,
-) -> Values:
-    """Return (n, len(SCREEN_COLUMNS)) of candidates for a marker, their postures and coarse correlations given."""
+) -> tuple[Values, Values]:
+    """Return (n, len(SCREEN_COLUMNS)) of candidates for a marker, their postures and coarse correlations given.
+
+    And the postures (n, 6) after a few steps of alignment, see `refine.posture`.
+    """
     samples, template = lit_template(variant)
     places = (candidates.xy, candidates.sides_px, postures)
     postures, better, views = view_candidates(gray, *places, samples, template, slopes_of(variant), VIEWED)
@@ -113,14 +143,21 @@ def screen_columns(
         (shapes**2).sum(axis=1) / areas,
     ]
     sign = 1.0 if variant.polarity == "dark" else -1.0
-    seen = _Cells(levels[:, _IS_INSIDE], template_levels(variant, VIEWED[_IS_INSIDE]))
+    seen = _Cells(levels[:, _IS_INSIDE], _cell_levels(variant))
     gain, offset = seen.gain_and_offset()
     of_light = [
         *(np.log(gain / sigma), np.log(gain), gain / (gain + 2 * np.maximum(offset, 0))),
         *(np.full(len(gain), sign), np.log(candidates.responses)),
     ]
     ring = ((levels - offset[:, None]) / gain[:, None]).reshape(-1, 11, 11)
-    return np.column_stack([*of_shape, *of_light, *seen.columns(), *_ring_columns(ring), *(sign * seen.symmetric.T)])
+    columns = [*of_shape, *of_light, *seen.columns(), *_ring_columns(ring), *(sign * seen.symmetric.T)]
+    return np.column_stack(columns), postures
+
+
+@cache
+def _cell_levels(variant: Variant) -> Values:
+    """Return (81,) softened levels of a marker's cells."""
+    return template_levels(variant, VIEWED[_IS_INSIDE])
 
 
 def _centred(values: Values) -> Values:

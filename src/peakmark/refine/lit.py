@@ -14,7 +14,6 @@ the blur's covariance ((b + d, e), (e, b − d)), px². Slopes are shares of the
 x, y and the side, px.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,15 +32,16 @@ _COARSE = "const f8[sample_count,2] samples, const f8[sample_count] expected, co
 _PIXELS = "const f4[n] seen, const i4[n,2] xy"
 
 _lit_residuals = function(
-    f"status lit_residuals({_PIXELS}, const f8[18] theta, const f8[3] anchor, {_GRID}, f8[n] r, f8[18,n] jacobian)"
+    f"status lit_residuals({_PIXELS}, const f8[18] theta, const f8[3] anchor, {_GRID}, b1 is_quick, "
+    "f8[n] r, f8[18,n] jacobian)"
 )
 _lit_fit = function(
     f"status lit_fit({_PIXELS}, const f8[18] start, const f8[3] anchor, {_GRID}, const f8[18] mean, "
     "const f8[18] precision, i8 steps, f8 enough, f8[18] theta, f8[1] noise, b1[1] converged)"
 )
-_align_in_light = function(
-    f"status align_in_light(const u1[height,width] gray, const f8[2] center, f8 size, {_GRID}, f8 extent, f8 focal, "
-    f"{_COARSE}, f8 sigma, f8 hopeless, f8[18] theta, f8[4] figures)"
+_align_each = function(
+    f"status align_each(const u1[height,width] gray, const f8[n,2] xy, const f8[n] sides, {_GRID}, f8 extent, "
+    f"f8 focal, {_COARSE}, f8 sigma, f8 hopeless, i8 stage, f8[n,18] theta, f8[n,6] fits)"
 )
 _finish_in_light = function(
     f"status finish_in_light(const u1[height,width] gray, const f8[2] center, f8 size, {_GRID}, f8 extent, f8 rim, "
@@ -57,14 +57,18 @@ def lit_residuals(
     lines: Values,
     index: NDArray[np.int64],
     base: Values,
+    is_quick: bool = False,
 ) -> tuple[Values, Values]:
     """Return image − prediction (n,) at pixels (n, 2) and the prediction's derivatives (18, n).
+
+    Quick ones, which all fits but the last take, may be off by 0.002 of an edge's height.
 
     `index` (k, k) says which of the printed levels `base` each cell of the pattern has. Beyond the pattern's horizon
     the residual is 255; where image and prediction are both white (253.5 and more) it is 0, without derivatives.
     """
     difference, jacobian = np.empty(len(pixels)), np.empty((PARAMETERS, len(pixels)))
-    _lit_residuals(levels_at(gray, pixels), pixels, theta, anchor, lines, index, base, difference, jacobian)
+    pattern = (lines, index, base, is_quick)
+    _lit_residuals(levels_at(gray, pixels), pixels, theta, anchor, *pattern, difference, jacobian)
     return difference, jacobian
 
 
@@ -92,26 +96,22 @@ def lit_fit(
     return theta, float(noise[0]), bool(converged[0])
 
 
-@dataclass(frozen=True)
-class LitFit:
-    """A pattern aligned in any light."""
+SOFT, SHARP, PARTS, PART = range(4)
+"""Stages of an alignment: a fit to the softened image, and fits to its own pixels; then, where that explains little,
+the same at parts, for something may cover the pattern."""
 
-    theta: Values
-    """(18,) parameters."""
-    noise: float
-    """Mean square of the residuals, grey levels²; 0 where the alignment was given up."""
-    step: float
-    """Length of the last step, σ²: below 1 it converged; inf where it was given up."""
-    ratio: float
-    """Noise over gain², beyond the image's own, of the best fit to the softened image; inf where there was none."""
-    cut: float
-    """Residuals of this many grey levels counted a quarter, for something may cover the pattern; 0 where all count."""
+NOISE, STEP, RATIO, CUT, RAMP, WAS = range(6)
+"""Columns of fits: mean square of the residuals, grey levels²; length of the last step, σ², below 1 it converged, inf
+where it was given up; noise over gain², beyond the image's own, of the best fit to the softened image, inf where
+there was none; grey levels of a residual that counts a quarter, for something may cover the pattern, 0 where all
+count, and after `PARTS` the share of pixels that is seen; whether a steep ramp of light was found; and after `PARTS`
+the noise before it, inf where it was given up."""
 
 
-def align_in_light(
+def align_each(
     gray: NDArray[np.uint8],
-    center: Values,
-    size: float,
+    xy: Values,
+    sides: Values,
     lines: Values,
     index: NDArray[np.int64],
     base: Values,
@@ -122,15 +122,19 @@ def align_in_light(
     shapes: Values,
     sigma: float,
     hopeless: float,
-) -> LitFit:
-    """Align the pattern near a position, as `refine.align.align`; given up where the soft ratio exceeds `hopeless`.
+    stage: int,
+    theta: Values,
+    fits: Values,
+) -> None:
+    """Take the alignments of a pattern near positions (n, 2) one stage on, in parameters (n, 18) and fits (n, 6).
 
-    `sigma` is the noise of the image's pixels. The anchor of the planes is the centre and size that were given.
+    At `SOFT` it does not matter what these hold; an alignment is given up there where its ratio exceeds `hopeless`,
+    and one that was given up is not for `SHARP`. What `PARTS` gives up, for it is not needed or explains nothing, is
+    not for `PART`; that gives up what the parts do not explain much better. `sigma` is the noise of the image's
+    pixels. The anchors of the planes are the positions and sides that were given.
     """
-    theta, figures = np.empty(PARAMETERS), np.empty(4)
-    grid, coarse = (lines, index, base), (samples, template, shapes)
-    _align_in_light(gray, center, size, *grid, extent, focal, *coarse, sigma, hopeless, theta, figures)
-    return LitFit(theta, *figures.tolist())
+    settings = (lines, index, base, extent, focal, samples, template, shapes, sigma, hopeless)
+    _align_each(gray, xy, sides, *settings, stage, theta, fits)
 
 
 def finish_in_light(
@@ -146,7 +150,7 @@ def finish_in_light(
     focal: float,
     cut: float,
 ) -> tuple[Values, Values]:
-    """Return the parameters (18,) of `align_in_light` after a last fit, and their covariance (`refine.align.sandwich`).
+    """Return the parameters (18,) of an alignment after a last fit, and their covariance (`refine.align.sandwich`).
 
     The last fit takes the pattern's rim, up to `rim` sides from the middle instead of `extent`, where blur leaves it
     sharp and the paper around it is white; else nothing changes. Parameters that were not fitted have no variance,

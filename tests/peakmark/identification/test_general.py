@@ -9,10 +9,22 @@ from numpy.typing import NDArray
 
 from peakmark.errors import InputError
 from peakmark.identification.api import identify
+from peakmark.identification.candidates import MarkerCandidates
 from peakmark.identification.detection import Detection
-from peakmark.identification.general import BATCH, _productive, align_image, shipped_model
+from peakmark.identification.general import (
+    BATCH,
+    LEAST_ODDS,
+    SCREENED_BATCH,
+    _batches,
+    _productive,
+    _Rated,
+    _screened,
+    align_image,
+    shipped_model,
+)
+from peakmark.identification.screening import BETTER, SCREEN_COLUMNS, shipped_screen
 from peakmark.markers.optimum import Limit
-from peakmark.markers.patterns import Polarity, surf_marker
+from peakmark.markers.patterns import Polarity, Variant, surf_marker
 
 ROWS, COLUMNS_PX = 240, 320
 CENTER = np.array([160.0, 121.0])
@@ -147,9 +159,37 @@ def test_more_markers_than_are_aligned_at_once_are_all_found() -> None:
 @pytest.mark.parametrize(("rank", "batches"), [(BATCH // 2 - 1, 1), (BATCH // 2, 2)])
 def test_a_marker_late_in_a_batch_is_reason_for_one_more(rank: int, batches: int) -> None:
     found = align_image(as_image(view(), 1.0))
-    late = replace(found, aligned=replace(found.aligned, rows=np.full(len(found.variants), rank)))
-    whole = _productive(as_image(view(), 1.0), iter([late, found, found]))
+    late = replace(found, aligned=replace(found.aligned, rows=np.full(len(found.variants), rank)), tried=BATCH)
+    whole = _productive(as_image(view(), 1.0), iter([(BATCH, iter([late, found, found]))]))
     assert len(whole.variants) == batches * len(found.variants)
+
+
+def rated(odds: list[float], correlations: list[float], places: list[float]) -> _Rated:
+    """Return candidates of 20 px at places along a line, with their correlations after the steps."""
+    n = len(odds)
+    xy, ones = np.column_stack([places, np.full(n, 50.0)]), np.ones(n)
+    looks = np.full((n, len(SCREEN_COLUMNS)), np.nan)
+    looks[:, BETTER] = correlations
+    postures = np.column_stack([xy, np.tile([20.0, 0, 0, 20], (n, 1))])
+    candidates = MarkerCandidates(xy, 20 * ones, ones.astype(np.int8), ones, ones)
+    return _Rated(candidates, ones[:, None], looks, np.array(odds), postures)
+
+
+def test_one_in_the_posture_of_a_sure_one_is_passed_over_and_the_likeliest_come_first() -> None:
+    sure = rated([1.0, 2.0, 3.0, -9.0], [0.95, 0.94, 0.97, 0.99], [50, 51.9, 80, 50])
+    assert _screened(sure, np.arange(4), -5.0).tolist() == [2, 0]
+    unsure = rated([1.0, 2.0, 3.0, -9.0], [0.85, 0.84, 0.97, 0.99], [50, 51.9, 80, 50])
+    assert _screened(unsure, np.arange(4), -5.0).tolist() == [2, 1, 0]
+    apart = rated([1.0, 2.0], [0.95, 0.94], [50, 52.1])
+    assert _screened(apart, np.arange(2), -5.0).tolist() == [1, 0]
+
+
+def test_all_that_are_likely_are_aligned_at_once() -> None:
+    image, n = as_image(view(), 1.0), 4 * SCREENED_BATCH
+    odds = np.where(np.arange(n) < 30, LEAST_ODDS + 1, LEAST_ODDS - 1)
+    candidates = rated(odds.tolist(), [0.9] * n, np.linspace(20, 300, n).tolist())
+    batches = _batches(image, candidates, np.arange(n), (Variant("dark"),), 1.0, shipped_screen())
+    assert [batch.tried for batch in batches] == [30, SCREENED_BATCH, n - 30 - SCREENED_BATCH]
 
 
 def test_what_the_general_search_cannot_use_is_refused() -> None:

@@ -92,20 +92,20 @@ def test_a_marker_looks_like_one_and_passes(polarity: Polarity, side: float) -> 
     sign = np.array([1 if polarity == "dark" else -1], np.int8)
     one = MarkerCandidates(CENTER[None], np.array([side]), sign, np.array([9e3]), np.array([0.7]))
     image = as_image(view(side, polarity))
-    look = screen_columns(image, one, posture_of(CENTER, spin), np.array([0.93]), Variant(polarity), 1.0)
+    look, _ = screen_columns(image, one, posture_of(CENTER, spin), np.array([0.93]), Variant(polarity), 1.0)
     columns = dict(zip(SCREEN_COLUMNS, look[0], strict=True))
     assert columns["template"] > 0.95
     assert columns["ring_1"] > 0.7  # the softened edge of light markers reaches over the ring
     assert columns["one_sided"] < 0.02
-    assert shipped_screen().trees.sums(look)[0] > shipped_screen().least
+    assert shipped_screen().before.trees.sums(look)[0] > shipped_screen().before.least
 
 
 def test_much_that_resembles_a_marker_on_drawn_grounds_is_stopped() -> None:
-    stopped, count = 0, 0
+    gate, stopped, count = shipped_screen().before, 0, 0
     for kind in DRAWN:
         ground = draw_ground(kind, np.random.default_rng(5), 256)
         looks = align_image(ground).looks
-        stopped += int((shipped_screen().trees.sums(looks) < shipped_screen().least).sum())
+        stopped += int((gate.trees.sums(looks) < gate.least).sum())
         count += len(looks)
     assert count > 50
     assert stopped > 0.2 * count

@@ -37,6 +37,25 @@ def test_the_derivatives_are_those_of_the_prediction() -> None:
         assert np.allclose(jacobian[k], numeric, atol=4e-2 * np.abs(numeric).max() + 1e-2), k
 
 
+@pytest.mark.parametrize("blur", [0.1, 0.3, 1.0, 4.0])
+def test_quick_residuals_are_nearly_the_exact_ones(blur: float) -> None:
+    theta, image = TRUTH.copy(), np.zeros((80, 80), np.float32)
+    theta[10], theta[16:] = blur, 0.0
+    exact, slopes = lit_residuals(image, PIXELS, theta, ANCHOR, *PATTERN)
+    quick, quick_slopes = lit_residuals(image, PIXELS, theta, ANCHOR, *PATTERN, is_quick=True)
+    assert 0 < np.abs(quick - exact).max() < 0.002 * theta[8]
+    near = 0.03 * np.abs(slopes).max(axis=1, keepdims=True)
+    near[[10, 16, 17]] *= 5  # by the blur: second derivatives
+    assert (np.abs(quick_slopes - slopes) < near).all()
+
+
+def test_quick_residuals_of_a_sharp_image_are_exact() -> None:
+    theta, image = TRUTH.copy(), np.zeros((80, 80), np.float32)
+    theta[2:8], theta[10], theta[16:] = [30, 0, 0, 30, 0, 0], 0.05, 0.0
+    exact, _ = lit_residuals(image, PIXELS, theta, ANCHOR, *PATTERN)
+    assert np.array_equal(lit_residuals(image, PIXELS, theta, ANCHOR, *PATTERN, is_quick=True)[0], exact)
+
+
 def test_parameters_put_in_are_found_again() -> None:
     start = TRUTH.copy()
     start[:6] += [0.5, -0.4, 1.0, 0.5, -0.6, 0.8]

@@ -12,7 +12,7 @@ from peakmark.identification.screening import VIEWED, slopes_of
 from peakmark.markers.patterns import Variant
 from peakmark.refine.align import align, chosen_pixels, shape_grid
 from peakmark.refine.api import coarse_template, known_pattern
-from peakmark.refine.lit import align_in_light, finish_in_light, lit_residuals
+from peakmark.refine.lit import CUT, NOISE, PART, PARTS, SHARP, SOFT, STEP, align_each, finish_in_light, lit_residuals
 from peakmark.refine.posture import view_candidates
 
 ODD = np.array([-np.inf, -1e300, -1e6, -40.0, -0.5, 0.0, 1e-300, 3.2, 17.0, 1e6, 1e300, np.inf, np.nan])
@@ -37,11 +37,14 @@ def test_alignments_of_anything_anywhere_come_back(seed: int) -> None:
     theta, covariance, _, converged = align(image, center, size, plain.lines, plain.levels, plain.extent, 90.0, *extra)
     assert converged or np.isnan(covariance).all()
     assert theta.shape == (11,)
-    lit = align_in_light(image, center, size, *pattern, 0.5, 90.0, *template, shape_grid(), 2.0, 1.0)
-    assert not np.isfinite(lit.step) or (np.isfinite(lit.theta).all() and lit.noise > 0)
-    _, covariance = finish_in_light(image, lit.theta, center, size, *pattern, 0.5, 0.55, 90.0, lit.cut)
-    assert covariance.shape == (18, 18)
     place = (center[None], np.array([size]))
+    found, fits = np.empty((1, 18)), np.empty((1, 6))
+    for stage in (SOFT, SHARP, PARTS, PART):
+        if stage in (SOFT, PARTS) or np.isfinite(fits[0, STEP]):
+            align_each(image, *place, *pattern, 0.5, 90.0, *template, shape_grid(), 2.0, 1.0, stage, found, fits)
+        assert not np.isfinite(fits[0, STEP]) or (np.isfinite(found).all() and fits[0, NOISE] > 0)
+        _, covariance = finish_in_light(image, found[0], center, size, *pattern, 0.5, 0.55, 90.0, float(fits[0, CUT]))
+        assert covariance.shape == (18, 18)
     score, postures = correlate_candidates(image, *place, *template, shape_grid(), _SHIFTS)
     assert -1.001 <= score[0] <= 1.001
     _, score, views = view_candidates(image, *place, postures, *template, slopes_of(Variant("dark")), VIEWED)

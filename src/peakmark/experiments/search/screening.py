@@ -28,12 +28,13 @@ from peakmark.experiments.search.training import (
 )
 from peakmark.identification.general import align_image
 from peakmark.identification.marker_model import shipped_model
-from peakmark.identification.screening import SCREEN_COLUMNS
+from peakmark.identification.screening import SCREEN_COLUMNS, gate_columns
+from peakmark.identification.stages import STAGE_COLUMNS, STAGES
 from peakmark.identification.trees import Trees, from_boosting
 from peakmark.report.results import result_folder, write_json
 
-LOST = 0.003
-"""Share of the markers found without a screen that it may lose."""
+LOST = (0.002, 0.001, 0.001, 0.001)
+"""Shares of the markers found without a screen that each gate may lose."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class Screened:
 
     looks: NDArray[np.float64]
     """(n, c) see `SCREEN_COLUMNS`."""
+    said: NDArray[np.float64]
+    """(n, stages, c) see `stages`; nan of the parts where there was no second look."""
     found: NDArray[np.bool_]
     """(n,) whether a marker is found by it."""
     is_clutter: NDArray[np.bool_]
@@ -59,45 +62,67 @@ def collect_looks(
     records = run_items(journal, config.names, partial(_record, config), workers, on_step)
     rows = [(*row, image) for image, record in enumerate(records) for row in record]
     looks = np.array([row[0] for row in rows], dtype=np.float64).reshape(-1, len(SCREEN_COLUMNS))
-    label, likely, marker, image = (np.array([row[k] for row in rows]) for k in range(1, 5))
+    said = np.array([row[1] for row in rows], dtype=np.float64).reshape(-1, len(STAGES), len(STAGE_COLUMNS))
+    label, likely, marker, image = (np.array([row[k] for row in rows]) for k in range(2, 6))
     is_found = (label == MARKER) & (likely > shipped_model()[1])
-    return Screened(looks, is_found, label == CLUTTER, image.astype(np.int64), marker.astype(np.int64))
+    return Screened(looks, said, is_found, label == CLUTTER, image.astype(np.int64), marker.astype(np.int64))
 
 
-def _record(config: SearchTrainingConfig, index: int) -> list[tuple[list[float], int, float, int]]:
-    """Return look, label, probability and marker of each alignment of an image."""
+def _record(config: SearchTrainingConfig, index: int) -> list[tuple[list[float], list[float], int, float, int]]:
+    """Return look, what the stages said, label, probability and marker of each alignment of an image."""
     image = training_image(config, index)
     found = align_image(image.gray, config.variants)
     places, likely = found.aligned.theta[:, :2], shipped_model()[0].probabilities(found.evidence)
     return [
         (
-            [float(f"{value:.6g}") for value in look],
+            _short(look),
+            _short(said.ravel()),
             label_of(xy, float(side), variant, image.truth, image.gray.shape),
             float(f"{probability:.6g}"),
             marker_of(xy, image.truth),
         )
-        for look, xy, side, variant, probability in zip(
-            found.looks, places, found.sides_px, found.variants, likely, strict=True
+        for look, said, xy, side, variant, probability in zip(
+            found.looks, found.aligned.said, places, found.sides_px, found.variants, likely, strict=True
         )
     ]
 
 
+def _short(values: NDArray[np.float64]) -> list[float]:
+    return [float(f"{value:.6g}") for value in values]
+
+
 def train(screened: Screened, config: SearchTrainingConfig) -> dict[str, Any]:
-    """Return what the screen's file holds: boosted trees and the limit."""
-    sums = unseen_sums(screened)
-    least = choose_limit(sums, screened)
-    is_clutter = screened.is_clutter
-    known = screened.found | is_clutter
+    """Return what the screen's file holds: boosted trees and limits, of one gate after another."""
+    known, passing = screened.found | screened.is_clutter, np.ones(len(screened.found), np.bool_)
+    columns, gates, odds = screened.looks, [], np.zeros(len(screened.found))
+    for number, lost in enumerate(LOST):
+        if number > 0:
+            columns = gate_columns(odds, screened.said[:, :number])
+        asked = passing & np.isfinite(columns).all(axis=1)
+        sums = unseen_sums(columns, asked, screened)
+        least = choose_limit(np.where(asked, sums, np.inf), passing, screened, lost)
+        stopped = asked & (sums < least)
+        gates.append(
+            {
+                "lost": lost,
+                "clutter": int((asked & screened.is_clutter).sum()),
+                "stopped": float(
+                    stopped[asked & screened.is_clutter].sum() / max((asked & screened.is_clutter).sum(), 1)
+                ),
+                "least": least,
+                "trees": fit_trees(columns[asked & known], screened.found[asked & known]).to_plain(),
+            }
+        )
+        odds, passing = sums if number == 0 else odds, passing & ~stopped
     return {
         "origin": f"scripts/train_screen.py --images {config.images} --empty {config.empty} --seed {config.seed}",
-        "markers": len(best_sums(sums, screened)),
-        "clutter": int(is_clutter.sum()),
-        "lost": LOST,
-        "stopped": float((sums[is_clutter] < least).mean()),
+        "markers": len(best_sums(np.zeros(len(known)), screened.found, screened)),
+        "clutter": int(screened.is_clutter.sum()),
+        "stopped": float(1 - passing[screened.is_clutter].mean()),
         "config": asdict(config),
         "columns": list(SCREEN_COLUMNS),
-        "least": least,
-        "trees": fit_trees(screened.looks[known], screened.found[known]).to_plain(),
+        "stage_columns": list(STAGE_COLUMNS),
+        "gates": gates,
     }
 
 
@@ -114,27 +139,27 @@ def fit_trees(looks: NDArray[np.float64], is_found: NDArray[np.bool_]) -> Trees:
         return from_boosting(learner.fit(looks, is_found))
 
 
-def unseen_sums(screened: Screened) -> NDArray[np.float64]:
-    """Return (n,) sums of trees that learned from other images than the candidate's own."""
-    sums, known = np.zeros(len(screened.looks)), screened.found | screened.is_clutter
+def unseen_sums(columns: NDArray[np.float64], asked: NDArray[np.bool_], screened: Screened) -> NDArray[np.float64]:
+    """Return (n,) sums of trees that learned from other images than the candidate's own; 0 of those not asked."""
+    sums, known = np.zeros(len(columns)), asked & (screened.found | screened.is_clutter)
     for fold in range(FOLDS):
-        own = screened.images % FOLDS == fold
-        others = known & ~own
+        is_own = screened.images % FOLDS == fold
+        own, others = asked & is_own, known & ~is_own
         if own.any():
-            sums[own] = fit_trees(screened.looks[others], screened.found[others]).sums(screened.looks[own])
+            sums[own] = fit_trees(columns[others], screened.found[others]).sums(columns[own])
     return sums
 
 
-def choose_limit(sums: NDArray[np.float64], screened: Screened) -> float:
-    """Return the sum from which a candidate is aligned, so that few markers are lost; −∞ without any marker."""
-    best = np.sort(best_sums(sums, screened))
-    return float(best[int(LOST * len(best))]) if len(best) else -np.inf
+def choose_limit(sums: NDArray[np.float64], passing: NDArray[np.bool_], screened: Screened, lost: float) -> float:
+    """Return the sum from which a candidate passes, so that few markers are lost that came so far; −∞ without any."""
+    best = np.sort(best_sums(sums, passing & screened.found, screened))
+    return float(best[int(lost * len(best))]) if len(best) else -np.inf
 
 
-def best_sums(sums: NDArray[np.float64], screened: Screened) -> list[float]:
-    """Return of each marker that is found the highest sum of the candidates that find it."""
+def best_sums(sums: NDArray[np.float64], rows: NDArray[np.bool_], screened: Screened) -> list[float]:
+    """Return of each marker the highest sum of the chosen candidates that find it."""
     best: dict[tuple[int, int], float] = {}
-    for row in np.flatnonzero(screened.found):
+    for row in np.flatnonzero(rows):
         key = (int(screened.images[row]), int(screened.markers[row]))
         best[key] = max(float(sums[row]), best.get(key, -np.inf))
     return list(best.values())
@@ -142,17 +167,18 @@ def best_sums(sums: NDArray[np.float64], screened: Screened) -> list[float]:
 
 def write_screen(out: Path, screen: dict[str, Any]) -> None:
     """Write screen.json and result.json."""
-    kept = ("origin", "markers", "clutter", "lost", "stopped", "least")
+    kept = ("origin", "markers", "clutter", "stopped")
+    gates = [{key: gate[key] for key in gate if key != "trees"} for gate in screen["gates"]]
     with result_folder(out) as folder:
         write_json(folder / "screen.json", screen)
-        write_json(folder / "result.json", {key: screen[key] for key in kept})
+        write_json(folder / "result.json", {**{key: screen[key] for key in kept}, "gates": gates})
 
 
 def result_rows(screen: dict[str, Any]) -> list[tuple[str, Any]]:
     """Return the headline figures for the terminal."""
     return [
         ("markers that are found", screen["markers"]),
-        ("of them lost, at most", screen["lost"]),
         ("alignments of everything else", screen["clutter"]),
-        ("of them stopped before", screen["stopped"]),
+        ("of them stopped before the end", screen["stopped"]),
+        *((f"… at gate {k}, of what comes so far", gate["stopped"]) for k, gate in enumerate(screen["gates"])),
     ]
