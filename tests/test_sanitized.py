@@ -13,6 +13,7 @@ FILES = (
     "tests/peaksim/area/test_shown.py",
     "tests/peaksim/area/test_texture_sums.py",
     "tests/peaksim/camera/test_camera.py",
+    "tests/peaksim/camera/test_optics.py",
     "tests/peaksim/truth/test_markers.py",
     "tests/peakmark/refine/test_golden.py",
     "tests/peakmark/refine/test_model.py",

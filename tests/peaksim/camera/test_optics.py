@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from peaksim.camera.optics import LUMA, disc_kernel, gaussian_blur, shift_colours, vignette
+from scipy.ndimage import gaussian_filter1d
 
 from tests.peaksim.camera.blobs import blobs, centroids
 
@@ -14,6 +15,16 @@ def test_lens_blur_spreads_a_point_by_its_sigma_and_keeps_its_light() -> None:
     x = np.arange(61) - 30
     assert spread.sum() == pytest.approx(1000, rel=1e-4)
     assert (spread.sum(axis=0) * x**2).sum() / 1000 == pytest.approx(4.0, rel=0.01)
+
+
+@pytest.mark.parametrize("shape", [(40, 70), (33, 17, 3), (5, 3), (1, 7), (7, 1), (1, 1, 3), (2, 40, 3)])
+@pytest.mark.parametrize("sigma_px", [0.05, 0.13, 0.77, 2.0, 30.0])
+def test_lens_blur_is_scipys_to_the_last_bit(shape: tuple[int, ...], sigma_px: float) -> None:
+    levels = np.random.default_rng(0).uniform(0, 300, shape).astype(np.float32)
+    expected = levels
+    for axis in (0, 1):
+        expected = gaussian_filter1d(expected, sigma_px, axis=axis, mode="mirror", truncate=4.0)
+    assert np.array_equal(gaussian_blur(levels, sigma_px), expected)
 
 
 @pytest.mark.parametrize("radius_px", [0.1, 0.5, 0.8, 1.5, 4.0, 7.3])
