@@ -7,15 +7,14 @@
 enum { CELLS = 4, ROWS_EACH = 5, MOST_ENTRIES = 8 };
 typedef float sums_of_rows[MOST_ENTRIES][PATCH_PITCH];
 
-/* Weighted 2×2 gradients between a patch column's pixels and those right of and below them. */
+/* Weighted 2×2 gradients between a patch column's pixels and those right of and below them; weights beyond are zero. */
 static void gradients(const int32_t *restrict patch, const float *restrict weights, float *restrict dx,
                       float *restrict dy) {
-    for (int64_t i = 0; i < PATCH_PITCH - 1; i++) {
+    for (int64_t i = 0; i < PATCH_PITCH; i++) {
         int32_t a = patch[i], b = patch[i + PATCH_PITCH], c = patch[i + 1], d = patch[i + PATCH_PITCH + 1];
         dx[i] = (float)(b - a + d - c) * weights[i];
         dy[i] = (float)(c - a + d - b) * weights[i];
     }
-    dx[PATCH_PITCH - 1] = dy[PATCH_PITCH - 1] = 0;
 }
 
 /* Add dx, dy, |dx| and |dy| of a patch column to the sums of its rows. */
