@@ -1,7 +1,7 @@
 """CPU time of the stages of `identify(image)`, on one thread: `python benchmarks/identify_stages.py IMAGE…`.
 
-Medians over the images, of each the least of some rounds. Alignments are all of the first batch; what identification
-takes beyond it is "more batches, decision, last fits".
+Medians over the images, of each the least of some rounds. Alignments are those of the first batch that pass the screen;
+what identification takes beyond it is "more batches, decision, last fits".
 """
 
 import argparse
@@ -34,7 +34,10 @@ def stage_times(gray: NDArray[np.uint8], rounds: int) -> dict[str, float]:
 
     candidates = least_ms(lambda: next(iter(candidate_pages(gray))), rounds)
     noise, coarse = least_ms(lambda: noise_sigma_of(gray), rounds), least_ms(correlate, rounds)
-    first_batch, everything = least_ms(lambda: align_image(gray), rounds), least_ms(lambda: identify(gray), rounds)
+    first_batch, everything = (
+        least_ms(lambda: align_image(gray, is_screened=True), rounds),
+        least_ms(lambda: identify(gray), rounds),
+    )
     return {
         "noise": noise,
         "candidates: blobs of five shapes": candidates,
