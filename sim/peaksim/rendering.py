@@ -87,10 +87,7 @@ def render(
     if renderer not in get_args(Renderer):
         raise SceneError(f'renderer: expected "auto", "exact", "gl", "pyrender" or "traced", got {renderer!r}')
     chosen = choose_renderer(scene, posed, renderer)
-    if chosen == "traced":
-        linear, gl_renderer = traced.integrate(scene, posed, samples, seed, max_depth), None
-    else:
-        linear, gl_renderer = draw_levels(scene, posed, chosen, bake, samples)
+    linear, gl_renderer = _draw_by(chosen, scene, posed, samples, seed, max_depth, bake)
     linear = linear[:, :, 0] if linear.shape[2] == 1 else linear
     return Frame(
         image=quantise(linear),
@@ -107,15 +104,28 @@ def render(
     )
 
 
+def _draw_by(
+    renderer: DrawnBy,
+    scene: Scene,
+    posed: PosedCamera,
+    samples: int,
+    seed: int | Sequence[int],
+    max_depth: int,
+    bake: bool,
+) -> tuple[NDArray[np.float32], str | None]:
+    """Return (h, w, channels) linear grey levels, and OpenGL's renderer string where it drew them."""
+    if renderer == "traced":
+        return traced.integrate(scene, posed, samples, seed, max_depth), None
+    return draw_levels(scene, posed, renderer, bake, samples)
+
+
 def _preview(
     scene: Scene, posed: PosedCamera, renderer: DrawnBy, max_depth: int, bake: bool, time_s: float
 ) -> NDArray[np.float32]:
     """Return the (h, w, channels) linear levels of a small sharp image at a time on the trajectory."""
     camera = resized(posed.camera, _PREVIEW_PX / posed.camera.width)
     small = still_camera(replace(camera, exposure_s=0.0, row_time_s=0.0), posed.trajectory.at(time_s))
-    if renderer == "traced":
-        return traced.integrate(scene, small, _PREVIEW_SAMPLES, 0, max_depth)
-    return draw_levels(scene, small, renderer, bake, _PREVIEW_SAMPLES)[0]
+    return _draw_by(renderer, scene, small, _PREVIEW_SAMPLES, 0, max_depth, bake)[0]
 
 
 def _posed_camera(camera: Camera, world_from_camera: ArrayLike | Trajectory, time_s: float) -> PosedCamera:

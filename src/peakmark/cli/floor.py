@@ -74,10 +74,8 @@ def render_floor(
     console = new_console(quiet)
     drawn = drawn_by(renderer, samples, sensor, bake, seed)
     decided_by = cast(Narrower, rule or ("paper" if trajectory is None else "joint"))
-    for name, value, usual in (("preset", preset, FloorConfig.preset), ("marker", marker, FloorConfig.marker)):
-        if trajectory is not None and value != usual:
-            raise InputError(f"--{name}: expected {usual} with --trajectory, got {value}")
     if trajectory is not None:
+        _check_usual(preset, marker)
         flight = FlightConfig(trajectory, scene, texture, stretch, decided_by, frames, map, **drawn)
         _fly(console, flight, out, resume)
     else:
@@ -85,6 +83,13 @@ def render_floor(
         by = (decided_by, cast(still.Preset, preset), cast(Made, marker))
         _render(console, FloorConfig(scene or "floor", texture, factor, count, *by, **drawn), out)
     print_path(console, out / "report.html")
+
+
+def _check_usual(preset: str, marker: str) -> None:
+    """Refuse what a flight does not have."""
+    for name, value, usual in (("preset", preset, FloorConfig.preset), ("marker", marker, FloorConfig.marker)):
+        if value != usual:
+            raise InputError(f"--{name}: expected {usual} with --trajectory, got {value}")
 
 
 def _render(console: Console, config: FloorConfig, out: Path) -> None:
