@@ -13,9 +13,7 @@ from peakmark.markers.optimum import quadratic_optimum
 from peakmark.markers.patterns import surf_filters, surf_form
 from peakmark.refine.api import Refined
 
-_box_variances = function(
-    "void box_variances(const u1[height,width] gray, const i8[n,4] boxes, const f8[n] limits, f8[n] variances)"
-)
+_box_variances = function("void box_variances(const u1[height,width] gray, const i8[n,4] boxes, f8[n] variances)")
 
 
 def aligned_evidence(
@@ -54,20 +52,14 @@ def best_response() -> float:
 
 
 def box_variance(
-    gray: NDArray[np.uint8],
-    centers: NDArray[np.float32],
-    sizes: NDArray[np.float64],
-    most: NDArray[np.float64] | None = None,
+    gray: NDArray[np.uint8], centers: NDArray[np.float32], sizes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return (n,) variances of the grey levels in boxes of (n, 2) widths and heights, cut at the border.
-
-    Those that clearly exceed the `most` (n,) that are asked for are ∞, which is told sooner.
-    """
+    """Return (n,) variances of the grey levels in boxes of (n, 2) widths and heights, cut at the border."""
     limits = np.array(gray.shape[::-1])
     low, high = (np.clip(np.rint(centers + sign * sizes / 2 + 0.5), 0, limits).astype(np.int64) for sign in (-1, 1))
     high = np.maximum(high, np.minimum(low + 1, limits))
-    variances, limits = np.empty(len(low)), np.full(len(low), np.inf) if most is None else most * (1 + 1e-9)
-    _box_variances(np.ascontiguousarray(gray), np.column_stack([low, high]), limits, variances)
+    variances = np.empty(len(low))
+    _box_variances(np.ascontiguousarray(gray), np.column_stack([low, high]), variances)
     return variances
 
 
