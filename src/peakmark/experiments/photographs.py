@@ -1,7 +1,11 @@
 """Photographs that come with scikit-image and scikit-learn, as grey images."""
 
+from importlib.util import find_spec
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.image_file import read_image
 
 from peakmark.errors import InputError
 from peakmark.keypoints.image import as_gray
@@ -12,10 +16,12 @@ def load_photograph(name: str) -> NDArray[np.uint8]:
 
     Both are extras: an `InputError` says which to install.
     """
-    try:
-        from skimage import data
-        from sklearn.datasets import load_sample_image
-    except ImportError as error:
-        raise InputError("photographs need scikit-image and scikit-learn: pip install 'peakmark[train]'") from error
-    photo = load_sample_image(name) if name.endswith(".jpg") else getattr(data, name)()
+    learn = find_spec("sklearn")
+    if learn is None or learn.origin is None or find_spec("skimage") is None:
+        raise InputError("photographs need scikit-image and scikit-learn: pip install 'peakmark[train]'")
+    if name.endswith(".jpg"):  # importing the library to read its file takes a second
+        return as_gray(read_image(Path(learn.origin).parent / "datasets" / "images" / name))
+    from skimage import data
+
+    photo = getattr(data, name)()
     return as_gray(photo[0] if isinstance(photo, tuple) else photo)
