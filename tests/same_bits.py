@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from peaksim.native import Function
 
+from peakmark.identification.blobs import blob_rows
 from tests import refine_golden, surf_golden
 from tests.peaksim.area.golden_views import VIEWS
 
@@ -31,7 +32,7 @@ def elementary() -> dict[str, NDArray[Any]]:
 
 
 def hashes() -> dict[str, str]:
-    """Return what identification, SURF, the renderer and the elementary functions give."""
+    """Return what identification, its candidates, SURF, the renderer and the elementary functions give."""
     with np.load(refine_golden.PATH) as golden:
         views = refine_golden.Views(golden["image"], golden["xy"], golden["sides_px"])
     with np.load(surf_golden.PATH) as golden:
@@ -40,6 +41,7 @@ def hashes() -> dict[str, str]:
         "elementary": hash_of(elementary()),
         "surf": hash_of(surf_golden.measure(gray)),
         "refine": hash_of(refine_golden.measure(views)),
+        "blobs": hash_of({"rows": blob_rows(gray, 100.0, 0.1)}),
         "exact": hash_of({name: draw() for name, draw in VIEWS.items()}),
     }
 
