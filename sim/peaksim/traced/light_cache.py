@@ -2,6 +2,8 @@
 
 import os
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from hashlib import sha256
 from importlib.metadata import version
@@ -12,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from peaksim.area.light_map import LightMaps
+from peaksim.folder_lock import lock_folder
 from peaksim.scene.scene import Scene
 from peaksim.traced.bake import TEXEL_M, bake_light, is_well_formed
 from peaksim.whole_file import whole_file
@@ -23,7 +26,8 @@ _FORMAT = 1
 def cached_light(scene: Scene, texel_m: float = TEXEL_M, folder: Path | None = None) -> tuple[LightMaps, bool]:
     """Return the baked light of a scene, and whether it was on disk already.
 
-    A file that is torn or holds something else is made again; where the folder cannot be written, nothing is kept.
+    A file that is torn or holds something else is made again; where the folder cannot be written, nothing is kept. Of
+    several processes that want the light of one scene one bakes, and the others wait for it.
 
     Parameters
     ----------
@@ -38,17 +42,37 @@ def cached_light(scene: Scene, texel_m: float = TEXEL_M, folder: Path | None = N
         Where Mitsuba or LLVM is missing, and light is not on disk.
     """
     path = (folder or light_folder()) / f"{light_key(scene, texel_m)}.npz"
-    found = _read(path)
-    if found is not None and is_well_formed(found, scene):
+    found = _read(path, scene)
+    if found is not None:
         return found, True
-    maps = bake_light(scene, texel_m)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as unfinished, unfinished.open("wb") as file:
-            np.savez(file, **vars(maps))
-    except OSError:
-        pass  # a full disk or a folder of another user: the light is there all the same
+    with _alone(path):
+        found = _read(path, scene)
+        if found is not None:
+            return found, True
+        maps = bake_light(scene, texel_m)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(path) as unfinished, unfinished.open("wb") as file:
+                np.savez(file, **vars(maps))
+        except OSError:
+            pass  # a full disk or a folder of another user: the light is there all the same
     return maps, False
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Let one process at a time make a file, others after it; where nothing can be locked, side by side."""
+    folder, lock = path.with_suffix(".baking"), None
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = lock_folder(folder, wait=True)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            folder.rmdir()
+        if lock is not None:
+            os.close(lock)
 
 
 def light_folder() -> Path:
@@ -83,12 +107,13 @@ def _add(digest: Any, *values: Any) -> None:
             digest.update(repr(value).encode())
 
 
-def _read(path: Path) -> LightMaps | None:
-    """Return what a file holds; None where there is none, or it is none."""
+def _read(path: Path, scene: Scene) -> LightMaps | None:
+    """Return the light that a file holds; None where there is none, or not the scene's."""
     try:
         with np.load(path, allow_pickle=False) as file:
             values: dict[str, NDArray[Any]] = dict(file)
         plain = {name: float(values[name]) for name in ("texel_m", "noise", "detail")}
-        return LightMaps(values["shapes"], values["texels"], **plain)
+        maps = LightMaps(values["shapes"], values["texels"], **plain)
+        return maps if is_well_formed(maps, scene) else None
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
         return None

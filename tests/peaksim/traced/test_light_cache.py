@@ -4,15 +4,20 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Barrier
+from time import sleep
 
 import numpy as np
 import pytest
 from peaksim import Camera, Quad, Scene, Texture, render
+from peaksim.area.light_map import LightMaps
 from peaksim.geometry.pose import compose
 from peaksim.scene.lamps import AreaLight
 from peaksim.scene.material import Material
+from peaksim.traced import light_cache
 from peaksim.traced.light_cache import cached_light, light_folder, light_key
 
 from tests.peaksim.scene.boxes import cube
@@ -34,6 +39,29 @@ def test_the_second_time_light_comes_from_the_disk(tmp_path: Path) -> None:
     assert (was_there, is_there) == (False, True)
     assert all(np.array_equal(value, vars(again)[name]) for name, value in vars(made).items())
     assert [path.name for path in folder.iterdir()] == [f"{light_key(SCENE, TEXEL_M)}.npz"]
+
+
+@needs_tracing
+def test_of_two_that_want_the_same_light_one_bakes_and_the_other_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, _ = cached_light(SCENE, TEXEL_M, tmp_path / "other")
+    begun, baked = Barrier(2), []
+
+    def bake_slowly(*_: object) -> LightMaps:
+        baked.append(1)
+        sleep(0.3)
+        return made
+
+    def ask() -> bool:
+        begun.wait()
+        return cached_light(SCENE, TEXEL_M, tmp_path / "light")[1]
+
+    monkeypatch.setattr(light_cache, "bake_light", bake_slowly)
+    with ThreadPoolExecutor(2) as threads:
+        answers = [asked.result() for asked in [threads.submit(ask), threads.submit(ask)]]
+    assert (sorted(answers), len(baked)) == ([False, True], 1)
+    assert [path.suffix for path in (tmp_path / "light").iterdir()] == [".npz"]
 
 
 @needs_tracing
