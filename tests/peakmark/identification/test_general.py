@@ -175,21 +175,29 @@ def rated(odds: list[float], correlations: list[float], places: list[float]) -> 
     return _Rated(candidates, ones[:, None], looks, np.array(odds), postures)
 
 
+def in_posture(candidates: _Rated, x: list[float]) -> _Rated:
+    """Return candidates with the pattern at other places along the line."""
+    postures = candidates.postures.copy()
+    postures[:, 0] = x
+    return replace(candidates, postures=postures)
+
+
 def test_one_in_the_posture_of_a_sure_one_is_passed_over_and_the_likeliest_come_first() -> None:
-    sure = rated([1.0, 2.0, 3.0, -9.0], [0.95, 0.94, 0.97, 0.99], [50, 51.9, 80, 50])
+    places = [50.0, 53.0, 80.0, 50.0]
+    sure = in_posture(rated([1.0, 2.0, 3.0, -9.0], [0.95, 0.97, 0.97, 0.99], places), [50.5, 52.4, 80, 50])
     assert _screened(sure, np.arange(4), -5.0).tolist() == [2, 0]
-    unsure = rated([1.0, 2.0, 3.0, -9.0], [0.85, 0.84, 0.97, 0.99], [50, 51.9, 80, 50])
+    unsure = in_posture(rated([1.0, 2.0, 3.0, -9.0], [0.85, 0.97, 0.97, 0.99], places), [50.5, 52.4, 80, 50])
     assert _screened(unsure, np.arange(4), -5.0).tolist() == [2, 1, 0]
-    apart = rated([1.0, 2.0], [0.95, 0.94], [50, 52.1])
+    apart = in_posture(rated([1.0, 2.0], [0.95, 0.97], [50, 53]), [50.5, 52.6])
     assert _screened(apart, np.arange(2), -5.0).tolist() == [1, 0]
 
 
 def test_all_that_are_likely_are_aligned_at_once() -> None:
-    image, n = as_image(view(), 1.0), 4 * SCREENED_BATCH
+    image, n = as_image(view(), 1.0), 35 + SCREENED_BATCH
     odds = np.where(np.arange(n) < 30, LEAST_ODDS + 1, LEAST_ODDS - 1)
     candidates = rated(odds.tolist(), [0.9] * n, np.linspace(20, 300, n).tolist())
     batches = _batches(image, candidates, np.arange(n), (Variant("dark"),), 1.0, shipped_screen())
-    assert [batch.tried for batch in batches] == [30, SCREENED_BATCH, n - 30 - SCREENED_BATCH]
+    assert [batch.tried for batch in batches] == [30, SCREENED_BATCH, 5]
 
 
 def test_what_the_general_search_cannot_use_is_refused() -> None:
