@@ -60,19 +60,18 @@ def why_nothing(
 
 
 def _another_kind(gray: NDArray[np.uint8], names: tuple[str, ...], limits: tuple[Limit, ...]) -> str:
-    """Return how to ask for the kind, of those not looked for, that explains most of the image; "" if none is there."""
+    """Return how to ask for the kind, of those not looked for, that explains something best; "" if none is there."""
     looked_for = set(product((SOURCES[name][0] for name in names), limits))
     others = [each for each in product(get_args(Made), get_args(Limit)) if each not in looked_for]
     found = [identify(gray, detector=made_for, limit=limit) for made_for, limit in others]
-    explained = [sum(one.explained or 0 for one in of_kind) for of_kind in found]
-    best = int(np.argmax(explained))
-    if not found[best]:
+    named = [(one, kind) for of_kind, kind in zip(found, others, strict=True) for one in of_kind]
+    if not named:
         return ""
-    (made_for, limit), likeliest = others[best], max(found[best], key=lambda one: one.probability or 0)
-    (x, y), side = likeliest.xy, likeliest.size
+    one, (made_for, limit) = max(named, key=lambda each: each[0].explained or 0)
+    (x, y), side = one.xy, one.size
     return (
-        f"another kind seems to be there: {likeliest.kind}, {side:.0f} px at ({x:.0f}, {y:.0f}), probability "
-        f"{likeliest.probability:.2f}: ask for detector {made_for}, limit {limit}"
+        f"another kind seems to be there: {one.kind}, {side:.0f} px at ({x:.0f}, {y:.0f}), probability "
+        f"{one.probability:.2f}: ask for detector {made_for}, limit {limit}"
     )
 
 
