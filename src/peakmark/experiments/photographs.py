@@ -5,22 +5,23 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.extras import needs_extra
 from peaksim.image_file import read_image
 
-from peakmark.errors import InputError
 from peakmark.keypoints.image import as_gray
 
 
+@needs_extra
 def load_photograph(name: str) -> NDArray[np.uint8]:
     """Return one of scikit-image's photographs by its function's name, or of scikit-learn's by its file's, (H, W).
 
-    Both are extras: an `InputError` says which to install.
+    Both libraries are extras: a `ModuleNotFoundError` says which to install.
     """
-    learn = find_spec("sklearn")
-    if learn is None or learn.origin is None or find_spec("skimage") is None:
-        raise InputError("photographs need scikit-image and scikit-learn: pip install 'peakmark[train]'")
     if name.endswith(".jpg"):  # importing the library to read its file takes a second
-        return as_gray(read_image(Path(learn.origin).parent / "datasets" / "images" / name))
+        library = find_spec("sklearn")
+        if library is None or library.origin is None:
+            raise ModuleNotFoundError("No module named 'sklearn'", name="sklearn")
+        return as_gray(read_image(Path(library.origin).parent / "datasets" / "images" / name))
     from skimage import data
 
     photo = getattr(data, name)()

@@ -13,8 +13,7 @@ from peakmark.experiments.drawing import Drawing
 def test_a_frame_is_what_the_renderer_draws_with_these_settings() -> None:
     setup = load_scene("floor")
     camera, pose = replace(setup.camera, width=24, height=18), setup.trajectory.at(0.0)
-    drawing = Drawing(renderer="pyrender", samples=4)
-    seen = drawing.frame(setup.scene, camera, pose, 0.5, (3, 1), renderer="exact")
+    seen = Drawing(renderer="exact").frame(setup.scene, camera, pose, 0.5, (3, 1))
     assert (seen.renderer, seen.time_s) == ("exact", 0.5)
     assert np.array_equal(seen.image, render(setup.scene, camera, pose, "exact").image)
 
