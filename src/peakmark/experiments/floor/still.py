@@ -11,8 +11,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth, error_budget
 from peaksim.camera.sensor import apply_sensor
+from peaksim.gl.context import why_not
+from peaksim.notices import notice_once
 from peaksim.scene.file import Setup, load_scene
 from PIL import Image
 
@@ -85,11 +88,25 @@ def render_views(setup: Setup, config: FloorConfig) -> Iterator[FloorView]:
         yield render_view(setup, config, index, float(time_s))
 
 
+def with_opengl(config: FloorConfig, camera: Camera) -> FloorConfig:
+    """Return the configuration with "gl" for "auto" where OpenGL opens and can draw what the camera sees.
+
+    This experiment is the one that shows whether OpenGL draws on a machine; elsewhere "auto" takes what is quicker.
+    """
+    if config.renderer != "auto" or camera.row_time_s:
+        return config
+    reason = why_not()
+    if reason is None:
+        return replace(config, renderer="gl")
+    notice_once(f"{reason}; drawing with the exact renderer, which needs no OpenGL")
+    return config
+
+
 def render_view(setup: Setup, config: FloorConfig, index: int, time_s: float) -> FloorView:
     """Render, detect, identify and score one frame."""
     start = perf_counter()
-    seeds = (config.seed, index)
-    frame = config.frame(setup.scene, setup.camera, setup.trajectory, time_s, seeds)
+    seeds, drawing = (config.seed, index), with_opengl(config, setup.camera)
+    frame = drawing.frame(setup.scene, setup.camera, setup.trajectory, time_s, seeds)
     frame = apply_sensor(frame, setup.sensor, np.random.default_rng(seeds))
     is_refined = config.rule != "paper"  # the paper knows no refinement
     taken_s, preset = perf_counter() - start, PRESETS[config.preset]

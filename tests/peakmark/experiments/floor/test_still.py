@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from peakmark.experiments.floor.still import (
     render_views,
     result_rows,
     run_floor,
+    with_opengl,
 )
 from peakmark.experiments.floor.still_markers import estimated_distances, marker_table
 from peakmark.experiments.floor.view import FloorView
@@ -382,3 +384,11 @@ def test_sift_markers_lie_in_the_places_of_surfs(small_scene: Path, tmp_path: Pa
 def test_sift_knows_the_papers_rule_alone() -> None:
     with pytest.raises(InputError, match="--rule: expected paper with --marker sift, got joint"):
         FloorConfig(marker="sift", rule="joint")
+
+
+@needs_gl
+def test_opengl_draws_the_floor_unless_another_renderer_is_asked_for(default_run: tuple[Path, FloorResult]) -> None:
+    assert default_run[1].renderer == "gl"
+    rolling = replace(load_scene("floor").camera, row_time_s=1e-5)
+    assert with_opengl(FloorConfig(), rolling).renderer == "auto"
+    assert with_opengl(FloorConfig(renderer="exact"), replace(rolling, row_time_s=0.0)).renderer == "exact"
