@@ -154,6 +154,11 @@ def choose_renderer(scene: Scene, posed: PosedCamera, renderer: Renderer) -> Dra
         return renderer
     if posed.is_rolling or count_faces(scene) <= MOST_FACES_EXACT:
         return "exact"
+    return opengl_or_exact()
+
+
+def opengl_or_exact() -> Literal["gl", "exact"]:
+    """Return "gl" where OpenGL opens, else "exact", with a notice that says why."""
     reason = why_not()
     if reason is None:
         return "gl"

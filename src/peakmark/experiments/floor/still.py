@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from peaksim.camera.camera import Camera
 from peaksim.camera.frame import MarkerTruth, error_budget
 from peaksim.camera.sensor import apply_sensor
-from peaksim.gl.context import why_not
-from peaksim.notices import notice_once
+from peaksim.rendering import opengl_or_exact
 from peaksim.scene.file import Setup, load_scene
 from PIL import Image
 
@@ -93,13 +92,8 @@ def with_opengl(config: FloorConfig, camera: Camera) -> FloorConfig:
 
     This experiment is the one that shows whether OpenGL draws on a machine; elsewhere "auto" takes what is quicker.
     """
-    if config.renderer != "auto" or camera.row_time_s:
-        return config
-    reason = why_not()
-    if reason is None:
-        return replace(config, renderer="gl")
-    notice_once(f"{reason}; drawing with the exact renderer, which needs no OpenGL")
-    return config
+    is_open = config.renderer == "auto" and not camera.row_time_s
+    return replace(config, renderer=opengl_or_exact()) if is_open else config
 
 
 def render_view(setup: Setup, config: FloorConfig, index: int, time_s: float) -> FloorView:
